@@ -312,7 +312,7 @@ class Console:
         notes = tuple(filter(None, (*missing, *sentences.warnings(self._watched, now))))
         depth, ahead = self._picture.depth(shown), self._picture.ahead
         panel.forces.write(numbers_html(shown, window, other, depth=depth, status=status, warnings=notes, ahead=ahead))
-        panel.network.draw(window, shown.loss_trace(SECONDS, now))
+        panel.network.draw(window, shown.loss_trace(SECONDS, now), shown.model_age, shown.setting("budget", 0.0))
         panel.network.show_stages(now, shown.rows, shown.settings)
         panel.energy.draw(window)
         lines = () if shown.model is None else describe(shown.model)

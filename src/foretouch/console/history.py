@@ -141,11 +141,15 @@ SLOWEST, FASTEST = 4.0, 30.0
 
 
 class LossTrace(NamedTuple):
-    """Losses of commands there, of telemetry back [%], over seconds before now."""
+    """Losses of commands there, of telemetry back [%], over seconds before now.
+
+    `sent` are the bytes a second that leader and follower send over a thin link now; NaN where they send all messages.
+    """
 
     time: Array
     there: Array
     back: Array
+    sent: tuple[float, float] = (NAN, NAN)
 
 
 class Losses:
@@ -155,13 +159,26 @@ class Losses:
         self._counts: dict[str, deque[tuple[float, int]]] = {role: deque(maxlen=MOST) for role in COUNTERS}
         self._shares: deque[tuple[float, float, float]] = deque(maxlen=MOST)
         self._newest = dict.fromkeys(COUNTERS, NAN)
+        self._bytes: dict[str, tuple[float, int]] = {}
+        self._sent = dict.fromkeys(COUNTERS, NAN)
+
+    def _take_bytes(self, role: str, count: int | None, now: float) -> None:
+        """Store the bytes that a side has sent over a thin link: the rate is that between two hellos."""
+        since, before = self._bytes.get(role, (now, 0))
+        if count is None:
+            self._sent[role] = NAN
+        elif count != before or now - since > OVER:
+            self._sent[role] = (count - before) / (now - since) if count >= before and now > since else NAN
+            self._bytes[role] = now, count
 
     def take(self, role: str, texts: Mapping[str, str], now: float) -> None:
         """Store the counters in the texts of a side's `Hello`, received at a time [s]."""
         if role not in COUNTERS:
             return
         name, rate = COUNTERS[role]
-        counts, count = self._counts[role], split_texts(texts)[1].get(name)
+        told = split_texts(texts)[1]
+        self._take_bytes(role, told.get(f"{role}_thin_bytes"), now)
+        counts, count = self._counts[role], told.get(name)
         if count is None:
             return
         if counts and count < counts[-1][1]:  # a process that began anew
@@ -179,7 +196,7 @@ class Losses:
     def trace(self, now: float, seconds: float) -> LossTrace:
         """The last seconds."""
         rows = np.array([row for row in tuple(self._shares) if row[0] >= now - seconds]).reshape(-1, 3)
-        return LossTrace(rows[:, 0] - now, rows[:, 1], rows[:, 2])
+        return LossTrace(rows[:, 0] - now, rows[:, 1], rows[:, 2], (self._sent["leader"], self._sent["follower"]))
 
 
 class Lateness:

@@ -99,6 +99,11 @@ class Playback(Watched):
         columns = self._columns[part]
         return window_of(self._leader["sequence"][part], columns, float(columns[-1, 0]), seconds, 400)
 
+    @property
+    def model_age(self) -> float:
+        """Not told of a recording: its report has it."""
+        return NAN
+
     def rows(self) -> tuple[Rows, Rows]:
         """Ticks of the leader and the follower in the whole recording."""
         return self._leader, self._follower

@@ -29,6 +29,7 @@ SUPERVISOR_SILENT = 3.0
 has come for this time [s]."""
 LARGEST_RADIUS = 0.02  # Of a probe [m]
 MODEL_SHARE = 0.5  # Fraction of the press depth at which models are compared
+MODELS = 256  # Newest models whose time is kept: some seconds of them
 MOST_SPEAKERS = 16  # Largest number of leaders and roles that are distinguished
 
 
@@ -63,6 +64,7 @@ class Watched:
         self.lateness = Lateness()
         self.withheld, self.given = "", 1.0
         self._models = ModelsSeen()
+        self._made = [(0, 0)] * MODELS  # number and follower's time of the newest models [ns]
         self._losses = Losses()
         self._withheld = Withheld(REDUCED_BELOW)
         self._leader_received = self._telemetry_received = self._supervisor_received = -math.inf
@@ -87,6 +89,7 @@ class Watched:
             case ModelUpdate():
                 self.model = message
                 self._models.add(message)
+                self._made[message.sequence % len(self._made)] = message.sequence, message.time_ns
             case Hello():
                 self._take_hello(message, now)
             case _:
@@ -145,6 +148,15 @@ class Watched:
     def loss_trace(self, seconds: float, now: float) -> LossTrace:
         """Losses of the last seconds before a moment [s]."""
         return self._losses.trace(now, seconds)
+
+    @property
+    def model_age(self) -> float:
+        """Age of the model that is felt, by the robot's side's clock [s]; NaN without one."""
+        number = 0 if self.leader is None else self.leader.model_sequence
+        kept, made_ns = self._made[number % len(self._made)]
+        if self.telemetry is None or number == 0 or kept != number:
+            return NAN
+        return max((self.telemetry.time_ns - made_ns) * 1e-9, 0.0)
 
     def rows(self) -> tuple[Rows, Rows]:
         """Ticks of the leader and the follower, the last seconds of both, from which the stages of the loop follow."""

@@ -18,6 +18,7 @@ from foretouch.report.rows import Pairs, away, force_at_follower, joining, model
 from foretouch.report.scene import AT_ONE_POSITION, look, tracking_error
 from foretouch.report.scores import Scores
 from foretouch.report.sections.hand import hand_figures
+from foretouch.report.sections.heard import heard_figures
 from foretouch.report.sections.safety import contact_force, safety_figures, segment_figures
 from foretouch.report.sections.session import duration, loop_sentence, phase_figures, rendered_scores, scored
 from foretouch.session.latency import latency_figures
@@ -167,6 +168,7 @@ def session_figures(
             "follower": _timing(log.follower, CHANNELS["telemetry"].rate),
         },
         "latency": latency_figures(log.leader, log.follower, log.settings),
+        "heard": heard_figures(whole, duration(whole)),
         "operator": log.settings.get("operator"),
         "loop": loop_sentence(log.settings),
         "baseline": setting(log.settings, "baseline", NO_BASELINE),

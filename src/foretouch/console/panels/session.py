@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from foretouch.console.history import LossTrace, Window
 from foretouch.console.plots import Curve, Row, TimePlot, by_person, handler, inset, number, put, table
@@ -41,6 +42,20 @@ SLIDERS = {
     "outage": ("Outage [s]", 5.0, 0.1, "In every 10 s all messages are lost for this time"),
 }
 """Of each fault: the label, the end of its slider, its step and what it is."""
+
+
+STALL = "Longest time without an answer, shown above"
+LEAST_STALL = 0.02  # Time without an answer that is no stall [s]
+
+
+def longest_stall(time: NDArray[np.float64], round_trip: NDArray[np.float64]) -> float:
+    """The longest time over which the answer only grew older [s]; 0 where there is none."""
+    longest, begin = 0.0, 0
+    older = np.diff(round_trip) > 0.9 * np.diff(time)
+    for end in np.flatnonzero(~older).tolist() + [len(time) - 1]:
+        longest = max(longest, float(time[end] - time[begin])) if end > begin else longest
+        begin = end + 1
+    return longest if longest >= LEAST_STALL else 0.0
 
 
 class NetworkPanel:
@@ -72,14 +87,19 @@ class NetworkPanel:
         for slider in self._sliders.values():
             slider.disabled = not offered
 
-    def draw(self, window: Window, losses: LossTrace) -> None:
-        """Draw and write what is measured."""
+    def draw(self, window: Window, losses: LossTrace, model_age: float, budget: float) -> None:
+        """Draw and write what is measured; age of the model that is felt [s], and bytes a second that may be sent."""
         trips = window.round_trip * 1e3
         self._trip.draw(window.time, (trips,))
         self._loss.draw(losses.time, (losses.there, losses.back), most=100.0)
         rows = [Row(TRIP.name, number(_last(trips[np.isfinite(trips)]), "ms", 0), TRIP)]
         for curve, percent in ((THERE, losses.there), (BACK, losses.back)):
             rows.append(Row(curve.name, number(_last(percent), "%", 1), curve))
+        rows.append(Row("Model that is felt: its age", number(model_age, "s", 1)))
+        rows.append(Row(STALL, number(longest_stall(window.time, window.round_trip), "s", 2)))
+        for way, sent in zip(("there", "back"), losses.sent, strict=True):
+            if math.isfinite(sent):
+                rows.append(Row(f"Sent {way}", f"{sent:,.0f} of {budget:,.0f} bytes/s"))
         put(self._text, content=inset(table(rows)))
 
     def show_stages(self, now: float, rows: Callable[[], tuple[Rows, Rows]], settings: Mapping[str, str]) -> None:

@@ -13,6 +13,7 @@ from foretouch.report.sections import sections_of
 from foretouch.report.sections.energy import ENERGY
 from foretouch.report.sections.forces import FORCES, LOOP
 from foretouch.report.sections.hand import HAND
+from foretouch.report.sections.heard import HEARD
 from foretouch.report.sections.latency import LATENCY
 from foretouch.report.sections.model import MODEL
 from foretouch.report.sections.robot import LOOPS, ROBOT, TRACKING
@@ -21,10 +22,10 @@ from foretouch.report.sections.scene import SCENE
 from foretouch.report.sections.session import SESSION, heading
 from foretouch.report.session import session_figures
 
-SECTIONS = (SESSION, FORCES, LOOP, ENERGY, HAND, SCENE, SAFETY, MODEL, ROBOT, TRACKING, LATENCY, LOOPS)
+SECTIONS = (SESSION, FORCES, LOOP, ENERGY, HAND, SCENE, SAFETY, MODEL, ROBOT, TRACKING, LATENCY, HEARD, LOOPS)
 """In the order in which they are written and drawn."""
 
-URGENT_FIRST = (SESSION, SAFETY, LOOPS, ENERGY, HAND, SCENE, FORCES, LATENCY, ROBOT, MODEL)
+URGENT_FIRST = (SESSION, SAFETY, LOOPS, ENERGY, HAND, SCENE, FORCES, LATENCY, HEARD, ROBOT, MODEL)
 """In the order of what they have to tell: what is worst comes first."""
 
 

@@ -98,7 +98,7 @@ class End(ABC, Generic[Said, Heard]):
 
     def counts(self) -> dict[str, int]:
         """What this end sent, by name."""
-        return {"packets_sent": self.packets, "bytes_sent": self.sent}
+        return {"thin_packets": self.packets, "thin_bytes": self.sent}
 
     def said(self, messages: Iterable[Message], now_ns: int) -> list[Message]:
         """The messages of this tick with the packet behind them that is sent in it, if there is one."""

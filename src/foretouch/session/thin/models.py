@@ -89,6 +89,7 @@ class Kept:
 NOTHING = Kept(0, 0, 0, 0, NO_TEXTS, 0, np.zeros(compact.COUNT, np.int64))
 """What there is before the first model: a whole one is the difference to it."""
 
+
 def _said(update: ModelUpdate, is_map: bool) -> tuple[Texts, int] | None:
     """Texts of a model and the number of its reason; None where it has no such form."""
     state = NO_MEMORY
@@ -207,7 +208,9 @@ class _Form:
         size = _code.entry(self.coder[0], self.room, *arguments)
         return self.room[:size].tobytes() if size < LARGEST_NUMBERS else b""
 
-    def read(self, data: bytes, count: int, base: NDArray[np.int64], is_map: bool) -> tuple[list[int], NDArray[np.int64]]:
+    def read(
+        self, data: bytes, count: int, base: NDArray[np.int64], is_map: bool
+    ) -> tuple[list[int], NDArray[np.int64]]:
         """The reverse of `write`, of so many heads."""
         steps, heads = base.copy(), np.zeros(count, np.int64)
         arguments = heads, base, steps, compact.grids_of(is_map), self.maps, is_map, True
@@ -318,13 +321,13 @@ class ModelsSaid:
         if sent is None or sent.acknowledged:
             return
         sent.acknowledged = True
-        self._trip_ns += 0.25 * (now_ns - sent.sent_ns - self._trip_ns) if self._base else now_ns - sent.sent_ns - self._trip_ns
+        self._trip_ns += (
+            0.25 * (now_ns - sent.sent_ns - self._trip_ns) if self._base else now_ns - sent.sent_ns - self._trip_ns
+        )
         if self._base is None or acknowledged > self._base.kept.sequence:
             self._base = sent
 
-    def _is_due(
-        self, update: ModelUpdate, law: NDArray[np.void], said: tuple[Texts, int] | None, now_ns: int
-    ) -> bool:
+    def _is_due(self, update: ModelUpdate, law: NDArray[np.void], said: tuple[Texts, int] | None, now_ns: int) -> bool:
         """Whether a model is to be said now."""
         sent = self._newest
         if sent is None or now_ns - sent.sent_ns >= LONGEST_NS:
@@ -336,9 +339,7 @@ class ModelsSaid:
         late = not sent.acknowledged and now_ns - sent.sent_ns > PATIENCE * self._trip_ns
         return late and (self._base is None or self._differs(self._base, update, law, said))
 
-    def _differs(
-        self, sent: _Sent, update: ModelUpdate, law: NDArray[np.void], said: tuple[Texts, int] | None
-    ) -> bool:
+    def _differs(self, sent: _Sent, update: ModelUpdate, law: NDArray[np.void], said: tuple[Texts, int] | None) -> bool:
         """Whether the leader would feel that it renders from a model that was sent in place of this one."""
         if said is not None and _is_news(sent.kept.texts, said[0]):
             return True
@@ -352,7 +353,13 @@ class ModelsSaid:
         return felt.apart.entry(law, update.surface, sent.law, sent.surface, touches) > self._part
 
     def _write(
-        self, update: ModelUpdate, law: NDArray[np.void], model: ContactMapModel | None, texts: Texts, reason: int, now_ns: int
+        self,
+        update: ModelUpdate,
+        law: NDArray[np.void],
+        model: ContactMapModel | None,
+        texts: Texts,
+        reason: int,
+        now_ns: int,
     ) -> bytes | None:
         """The message of a model; None where it has no such form."""
         base, memory = self._base_for(update), []
@@ -370,7 +377,18 @@ class ModelsSaid:
         self._seldom_ns = now_ns if seldom else self._seldom_ns
         if model is not None:
             seen = compact.value_of(steps[0], *compact.GRIDS_OF_MAP[0])
-            felt.spare.entry(steps, start, compact.GRIDS_OF_MAP, law, update.surface, seen, self._other, self._form.maps, self._touches[0], UNFELT)
+            felt.spare.entry(
+                steps,
+                start,
+                compact.GRIDS_OF_MAP,
+                law,
+                update.surface,
+                seen,
+                self._other,
+                self._form.maps,
+                self._touches[0],
+                UNFELT,
+            )
         head, heads = _written_head(base, texts, update)
         numbers = self._form.write([*heads, reason, *memory], start, steps, is_map)
         if not numbers:
@@ -509,7 +527,9 @@ class ModelsHeard:
 
     def _keep(self, kept: Kept, run: int) -> None:
         """Remember a model that came; those of another run of the follower are of no use any more."""
-        self._kept = {number: one for number, one in self._kept.items() if one.texts.run == run or one.steps is NOTHING.steps}
+        self._kept = {
+            number: one for number, one in self._kept.items() if one.texts.run == run or one.steps is NOTHING.steps
+        }
         self._kept[kept.sequence] = kept
         if len(self._kept) > KEPT:
             del self._kept[min(self._kept)]
