@@ -155,7 +155,7 @@ class Watched:
         number = 0 if self.leader is None else self.leader.model_sequence
         kept, made_ns = self._made[number % len(self._made)]
         if self.telemetry is None or number == 0 or kept != number:
-            return NAN
+            return math.nan
         return max((self.telemetry.time_ns - made_ns) * 1e-9, 0.0)
 
     def rows(self) -> tuple[Rows, Rows]:

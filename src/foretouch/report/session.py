@@ -90,6 +90,8 @@ def session_figures(
           than 1.5 ms) of ``ticks``, ``ticks_per_s`` reached, ``rate`` wanted; ``elapsed_s`` of a simulation.
         - ``latency``: times of the loop's stages, their sum, and the loop as measured
           (`foretouch.session.latency.latency_figures`).
+        - ``heard``: ages of models, stalls, and bytes of a thin link
+          (`foretouch.report.sections.heard.heard_figures`).
         - ``operator``, ``loop``, ``baseline``, ``settings``: who moved the leader, whether the force moves a hand, the
           rendered baseline if any, and the settings as text.
 

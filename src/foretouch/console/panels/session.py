@@ -52,7 +52,7 @@ def longest_stall(time: NDArray[np.float64], round_trip: NDArray[np.float64]) ->
     """The longest time over which the answer only grew older [s]; 0 where there is none."""
     longest, begin = 0.0, 0
     older = np.diff(round_trip) > 0.9 * np.diff(time)
-    for end in np.flatnonzero(~older).tolist() + [len(time) - 1]:
+    for end in [*np.flatnonzero(~older).tolist(), len(time) - 1]:
         longest = max(longest, float(time[end] - time[begin])) if end > begin else longest
         begin = end + 1
     return longest if longest >= LEAST_STALL else 0.0

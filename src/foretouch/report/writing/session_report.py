@@ -134,6 +134,7 @@ class SessionReport(Figures):
     clipped: Figures
     tracking_error: Figures
     latency: Figures
+    heard: Figures
     commands: Figures
     parameters: dict[str, float | None] | None
     standard_errors: dict[str, float | None] | None

@@ -193,9 +193,7 @@ class Coder(Record):
     high: int
     code: int  # the bits that are read
     at: int  # bytes so far
-    chances: Annotated[
-        NDArray[Any], int, MOST_CONTEXTS
-    ]  # of a bit that is set, in 65,536ths; the first is even for ever
+    chances: Annotated[NDArray[Any], int, MOST_CONTEXTS]  # of a bit that is set, in 65,536ths; the first is even for ever
 
 
 WIDTH = 40  # Bits of `low` and `high`

@@ -16,7 +16,7 @@ from foretouch.core.compiling import inlined, scratch
 from foretouch.errors import InputError
 from foretouch.messages import ModelUpdate
 from foretouch.models import ContactMapModel, ContactModel, make_model
-from foretouch.models.contact_map.layout import MEMORY, PLAYS
+from foretouch.models.contact_map.layout import MEMORY, PLAYS, SIZE, Map
 from foretouch.models.law_kernel import Law, advance, form_of
 from foretouch.models.predictor_kernel import copy
 from foretouch.session.thin.compact import AT_MAP, AT_SPACE, OF_LAW, PARTS, value_of, write_map
