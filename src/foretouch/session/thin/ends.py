@@ -11,7 +11,7 @@ from abc import ABC
 from collections.abc import Callable, Iterable
 from typing import Any, ClassVar, Generic, TypeVar
 
-from foretouch.errors import DecodeError
+from foretouch.errors import DecodeError, PeerVersionError, printable
 from foretouch.link import SequenceCounter
 from foretouch.messages import (
     VERSION,
@@ -30,19 +30,17 @@ from foretouch.messages import (
 )
 from foretouch.session.thin.models import ModelsHeard, ModelsSaid
 from foretouch.session.thin.outbox import PARITY, PIECE, PIECE_HEAD, Inbox, Outbox
-from foretouch.session.thin.sides import CONTEXT, LINES, WANTS, Commands, Hearing, Kind, Saying, Seen
-from foretouch.session.thin.stream import DUE, NOTHING
+from foretouch.session.thin.sides import CONTEXT, HEAD, LINES, NUMBER, WANTS, Commands, Hearing, Kind, Saying, Seen
+from foretouch.session.thin.stream import DUE, WORTH
 
 EMERGENCY = 5  # Kind of a record: an emergency stop
-LONGEST_WORD = 12  # Bytes of its reason
+LONGEST_WORD, LARGEST_PRESS = 12, (1 << 63) - 1  # Bytes of its reason, and its number at most
 
 ENVELOPE = 10  # Bytes of a packet around its content
 HELD_UP = 0.02  # Time that one packet may take, by the budget, so that a stop waits no longer for the one before it [s]
 SHARE = 0.7  # Part of the budget that lines may take beyond what is due, so that models come through
-SAVED = 0.1  # Time for which what was not sent may be sent later [s]
 HELLO_NS = 10_000_000_000  # Time between two hellos of the same texts [ns]
 
-SENT_WHOLE: dict[str, type[Message]] = {"stop": Stop, "field": FieldUpdate, "hello": Hello}
 NAMES = ("stop", "model", "field", "hello")  # Of what goes in pieces, the most urgent first
 
 Said = TypeVar("Said", bound=Message)
@@ -65,15 +63,17 @@ class End(ABC, Generic[Said, Heard]):
     tick: ClassVar[type[Message]]  # of which its side makes one a tick
     packet: ClassVar[type[Message]]
     from_other: ClassVar[str]  # channel of the other end's packets
+    other: ClassVar[str]  # role of the other side
+    takes: ClassVar[dict[str, type[Message]]] = {"stop": Stop, "hello": Hello}  # what comes in pieces, by name
 
     def __init__(self, budget: float, says: Kind[Said], hears: Kind[Heard]) -> None:
         self.deliver: Callable[[Message], None] = _nobody
         self.sent = self.packets = 0
         self.arrived = SequenceCounter()
         self._saying, self._hearing = Saying(says), Hearing(hears)
-        self._outbox, self._inbox = Outbox(NAMES), Inbox(NAMES)
         self._rate = budget * 1e-9
         self._longest = max(round(budget * HELD_UP), 36)
+        self._outbox, self._inbox = Outbox(NAMES, self._longest), Inbox(NAMES)
         self._allowance = self._for_lines = 0.0
         self._before_ns = -1
         self._emergency: EmergencyStop | None = None
@@ -110,9 +110,9 @@ class End(ABC, Generic[Said, Heard]):
                 self._offer_of_step(message, now_ns)
         elapsed = now_ns - self._before_ns if self._before_ns >= 0 else 0
         self._before_ns = now_ns
-        most, gained = SAVED * self._rate * 1e9, max(elapsed, 0) * self._rate
-        self._allowance = min(self._allowance + gained, most)
-        self._for_lines = min(self._for_lines + SHARE * gained, SHARE * most)
+        gained = max(elapsed, 0) * self._rate  # what is not sent now is not sent later: nothing may queue up before a stop
+        self._allowance = min(self._allowance + gained, 0.0)
+        self._for_lines = min(self._for_lines + SHARE * gained, 0.0)
         content = self._content()
         if content:
             self.packets += 1
@@ -140,14 +140,13 @@ class End(ABC, Generic[Said, Heard]):
             self._emergency = None
             reason = emergency.reason.encode()[:LONGEST_WORD]
             return bytes((EMERGENCY, len(reason))) + emergency.press.to_bytes(8, "little") + reason
-        urgency, content = self._saying.urgency, b""
-        if urgency == DUE or (urgency != NOTHING and min(self._allowance, self._for_lines) >= 0.0):
-            content = self._saying.record(self._flags)
+        urgency, content, allowed = self._saying.urgency, b"", self._allowance >= 0.0
+        if urgency == DUE or (allowed and (urgency > WORTH or (urgency == WORTH and self._for_lines >= 0.0))):
+            most = (self._longest - HEAD.size) // NUMBER if allowed else 1
+            content = self._saying.record(self._flags, most, spare=allowed)
             self._for_lines -= len(content) + ENVELOPE
         room = self._longest - len(content)
-        if room > 2 * PIECE_HEAD and self._allowance - len(content) >= 0.0:
-            content += self._outbox.next(room)
-        return content
+        return content + self._outbox.next(room) if allowed and room > PIECE_HEAD else content
 
     def heard(self, packets: Iterable[Message], now_ns: int) -> list[Message]:
         """The messages for this side's step in a tick in which these packets have come."""
@@ -155,6 +154,7 @@ class End(ABC, Generic[Said, Heard]):
         for packet in packets:
             if packet.sequence == 1:  # of another process, which counts from there
                 self.arrived.restart()
+                self._inbox.restart()
             self.arrived.is_newest(packet.sequence)
             self._take(packet.content, due, now_ns)  # type: ignore[attr-defined]
         message = self._hearing.next()
@@ -171,7 +171,8 @@ class End(ABC, Generic[Said, Heard]):
                 at = self._hearing.lines(data, at)
             elif kind == CONTEXT and at + 2 <= len(data):
                 end = at + 2 + data[at + 1]
-                self._hearing.context(data[at + 2 : end])
+                if self._hearing.context(data[at + 2 : end]):
+                    self._inbox.restart()
                 at = end
             elif kind in (PIECE, PARITY):
                 at, name, whole = self._inbox.take(data, at)
@@ -180,16 +181,19 @@ class End(ABC, Generic[Said, Heard]):
             elif kind == EMERGENCY and at + 10 <= len(data):
                 end = at + 10 + data[at + 1]
                 press, reason = int.from_bytes(data[at + 2 : at + 10], "little"), data[at + 10 : end]
-                self._pass_on(EmergencyStop(VERSION, 1, now_ns, reason.decode(errors="replace"), press), due)
+                said = printable(reason.decode(errors="replace"))[:LONGEST_WORD]
+                self._pass_on(EmergencyStop(VERSION, 1, now_ns, said, press & LARGEST_PRESS), due)
                 at = end
             else:
                 return
 
     def _take_whole(self, name: str, data: bytes, due: list[Message]) -> None:
         try:
-            self._pass_on(decode(data, SENT_WHOLE[name]), due)
-        except (DecodeError, KeyError):
+            message = decode(data, self.takes[name])
+        except (DecodeError, PeerVersionError, KeyError):
             return
+        if not isinstance(message, Hello) or message.role == self.other:
+            self._pass_on(message, due)
 
     def _pass_on(self, message: Message, due: list[Message]) -> None:
         if isinstance(message, FieldUpdate):
@@ -205,11 +209,18 @@ def _nobody(message: Message) -> None:
 class LeaderEnd(End[Command, Telemetry]):
     """The end at the leader, of so many bytes a second."""
 
-    tick, packet, from_other = Command, LeaderPacket, "back"
+    tick, packet, from_other, other = Command, LeaderPacket, "back", "follower"
+    takes: ClassVar[dict[str, type[Message]]] = End.takes | {"field": FieldUpdate}
 
     def __init__(self, budget: float) -> None:
         super().__init__(budget, Commands(), Seen())
         self._models = ModelsHeard()
+
+    def heard(self, packets: Iterable[Message], now_ns: int) -> list[Message]:
+        """See `End.heard`."""
+        due = super().heard(packets, now_ns)
+        self._saying.known = self._hearing.tick
+        return due
 
     @property
     def _flags(self) -> int:
@@ -225,7 +236,7 @@ class LeaderEnd(End[Command, Telemetry]):
 class FollowerEnd(End[Telemetry, Command]):
     """The end at the follower, of so many bytes a second."""
 
-    tick, packet, from_other = Telemetry, FollowerPacket, "forth"
+    tick, packet, from_other, other = Telemetry, FollowerPacket, "forth", "leader"
 
     def __init__(self, budget: float) -> None:
         super().__init__(budget, Seen(), Commands())

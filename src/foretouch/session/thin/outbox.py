@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 PIECE, PARITY = 3, 4  # Kinds of a record: a piece of something longer, and the exclusive or of its pieces
-PIECE_HEAD = (
-    6  # Bytes of a record before its content: kind, name, number, place among the pieces, their count, and size
-)
-MOST_PIECES = 255
+PIECE_HEAD = 6
+"""Bytes of a record before its content: kind, name, number, place among the pieces, their count, and size."""
+MOST_PIECES, SHORTEST, LONGEST = 255, 16, 249  # Pieces of a thing, and bytes of one, unless it is the last
+NUMBERS = 255  # Things of a name that have numbers of their own, from 1
 
 
 def parity_of(pieces: list[bytes]) -> bytes:
@@ -23,17 +23,25 @@ class Outbox:
 
     Args:
         names: Their names, the most urgent first.
+        longest: Bytes of a record, at most.
+
+    Attributes:
+        refused: Number of things that were too long to be sent.
     """
 
-    def __init__(self, names: tuple[str, ...]) -> None:
-        self._names = names
+    def __init__(self, names: tuple[str, ...], longest: int) -> None:
+        self._names, self._longest = names, min(longest - PIECE_HEAD, LONGEST)
+        self.refused = 0
         self._waiting: dict[str, bytes] = {}
         self._pieces: dict[str, list[bytes]] = {}
         self._numbers = dict.fromkeys(names, 0)
 
     def put(self, name: str, data: bytes) -> None:
-        """Send this instead of what waits under this name."""
-        self._waiting[name] = data
+        """Send this instead of what waits under this name, unless it is too long."""
+        if len(data) > MOST_PIECES * self._longest:
+            self.refused += 1
+        elif data:
+            self._waiting[name] = data
 
     def waits(self, name: str) -> bool:
         """Whether anything is to be sent under this name."""
@@ -43,16 +51,16 @@ class Outbox:
         """A record of at most so many bytes of what is most urgent; none where nothing waits."""
         for place, name in enumerate(self._names):
             if not self._pieces.get(name) and name in self._waiting:
-                self._pieces[name] = self._cut(place, name, self._waiting.pop(name), max(room - PIECE_HEAD, 8))
+                self._pieces[name] = self._cut(place, name, self._waiting.pop(name), room - PIECE_HEAD)
             pieces = self._pieces.get(name)
             if pieces:
                 return pieces.pop(0) if len(pieces[0]) <= room else b""
         return b""
 
     def _cut(self, place: int, name: str, data: bytes, size: int) -> list[bytes]:
-        size = max(min(size, 249), -(-len(data) // MOST_PIECES))
+        size = max(min(size, self._longest), min(SHORTEST, self._longest), -(-len(data) // MOST_PIECES))
         parts = [data[at : at + size] for at in range(0, len(data), size)]
-        number = self._numbers[name] = self._numbers[name] % 255 + 1
+        number = self._numbers[name] = self._numbers[name] % NUMBERS + 1
         made = [bytes((PIECE, place, number, index, len(parts), len(part))) + part for index, part in enumerate(parts)]
         if len(parts) > 1:
             parity = parity_of(parts)
@@ -72,8 +80,12 @@ class Inbox:
 
     def __init__(self, names: tuple[str, ...]) -> None:
         self._names, self.broken = names, dict.fromkeys(names, 0)
-        self._pieces: dict[int, tuple[int, int, dict[int, bytes]]] = {}  # number, count, and pieces, by place
-        self._done: dict[int, int] = {}
+        self._begun: dict[int, tuple[int, int, dict[int, bytes] | None]] = {}
+        """Number, count, and pieces of the newest, by place; no pieces where it is whole."""
+
+    def restart(self) -> None:
+        """Begin with another sender, whose numbers begin anew."""
+        self._begun.clear()
 
     def take(self, data: bytes, at: int) -> tuple[int, str, bytes]:
         """Take a record of a piece at a place: where it ends, negative where it is none; and what is whole now."""
@@ -83,12 +95,14 @@ class Inbox:
         end = at + PIECE_HEAD + size
         if end > len(data) or place >= len(self._names) or count == 0 or (kind == PIECE and index >= count):
             return -1, "", b""
-        if self._done.get(place) == number:
+        before = self._begun.get(place)
+        if before is not None and 0 < (before[0] - number) % NUMBERS <= NUMBERS // 2:  # of one that is older
             return end, "", b""
-        before = self._pieces.get(place)
-        if before is None or before[:2] != (number, count):
-            self.broken[self._names[place]] += before is not None
-            before = self._pieces[place] = (number, count, {})
+        if before is None or before[0] != number:
+            self.broken[self._names[place]] += before is not None and before[2] is not None
+            before = self._begun[place] = (number, count, {})
+        if before[2] is None or before[1] != count:
+            return end, "", b""
         known = before[2]
         known[index if kind == PIECE else -1] = data[at + PIECE_HEAD : end]
         if kind == PARITY:
@@ -96,8 +110,7 @@ class Inbox:
         whole = _joined(known, count)
         if not whole:
             return end, "", b""
-        self._done[place] = number
-        del self._pieces[place]
+        self._begun[place] = (number, count, None)
         return end, self._names[place], whole
 
 

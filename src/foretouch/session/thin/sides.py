@@ -19,11 +19,24 @@ import numpy as np
 from foretouch.messages import VERSION, Command, FollowerSpace, Message, Telemetry
 from foretouch.messages.schema import Count, Name
 from foretouch.session.thin import stream
-from foretouch.session.thin.stream import DUE, FORCE, LONGEST_GAP, MOST, NOTHING, PLACE, POSITION, WORTH, Number
+from foretouch.session.thin.stream import (
+    DUE,
+    FORCE,
+    LONGEST_GAP,
+    MOST,
+    NOTHING,
+    PLACE,
+    POSITION,
+    SOON,
+    WORTH,
+    Number,
+)
 
 CONTEXT, LINES = 1, 2  # Kinds of a record
 CONTEXT_PERIOD = 1000  # Ticks between two records of the same context
 NEWS = 3  # Packets that carry a new context: some may be lost
+TAKEN_OVER = 1000  # Ticks of silence after which another sender is heard, as long as a `foretouch.session` lease lasts
+LARGEST = 1 << 62  # Largest tick, time and number of messages: what comes later is below a message's largest
 QUARTER_NS, TICK_NS = 250_000, 1_000_000  # In which times are said, and a tick [ns]
 
 ABSENT, WANTS, GUARDED, CONTACT, CLIPPED = 1, 2, 4, 8, 16
@@ -210,18 +223,19 @@ class Saying(Generic[M]):
         kind: Of its messages.
 
     Attributes:
-        urgency: Of saying a record of the newest tick: `NOTHING`, `WORTH` or `DUE`.
+        urgency: Of saying a record of the newest tick: `NOTHING`, `WORTH`, `SOON` or `DUE`.
+        known: Tick of the other side of which is known what its newest record says.
     """
 
     def __init__(self, kind: Kind[M]) -> None:
-        self.urgency = NOTHING
+        self.urgency, self.known = NOTHING, LARGEST
         self._kind, self._words = kind, np.zeros(2 * MOST, np.int64)
         self._note, self._say = stream.note.entry, stream.say.entry
         self._fixed: tuple[bool, int, int, str] | None = None
         self._lines: Any = None
         self._message: M | None = None
         self._told: tuple[Any, ...] = ()  # what the newest record said of what is said at once
-        self._context = self._news = self._context_tick = self._tick = 0
+        self._context = self._news = self._context_tick = self._tick = self._now_tick = 0
 
     def note(self, message: M) -> None:
         """Note the message of a tick."""
@@ -230,39 +244,54 @@ class Saying(Generic[M]):
             if self._fixed is None or fixed[0] != self._fixed[0]:
                 self._lines = stream.said(kind.numbers[fixed[0]], kind.positions(fixed[0]))
             self._fixed, self._news, self._context = fixed, NEWS, zlib.crc32(repr(fixed).encode()) & 0xFFFF
-        self._message, told = message, kind.told(message)
+        self._message, self._now_tick, told = message, message.sequence, kind.told(message)
         if math.isfinite(sum(told)):
             urgency = self._note(self._lines, message.sequence, told + (0.0,) * (MOST - len(told)))
         else:
             told, urgency = (), DUE if message.sequence - self._tick >= LONGEST_GAP else NOTHING
         self._now = (bool(told), *kind.state(message))
-        self.urgency = max(urgency, WORTH if self._now != self._told else NOTHING)
+        news = SOON if self._context_is_due else WORTH if self._now != self._told else NOTHING
+        self.urgency = max(urgency, news)
 
-    def record(self, flags: int = 0) -> bytes:
-        """The record of the newest tick, with these flags; before it that of its context, where it is due."""
+    @property
+    def _context_is_due(self) -> bool:
+        return self._news > 0 or self._now_tick - self._context_tick >= CONTEXT_PERIOD
+
+    def record(self, flags: int = 0, most: int = MOST, *, spare: bool = True) -> bytes:
+        """The record of the newest tick, with these flags; before it that of its context, where it is due.
+
+        Args:
+            flags: Further ones.
+            most: How many numbers are said at most; beside a context it is one.
+            spare: Whether there is room for a context that has been said before.
+        """
         message, kind, chosen, words = self._message, self._kind, 0, b""
         assert message is not None
+        context = self._context_record(message) if self._news or (spare and self._context_is_due) else b""
         self._told, self._tick, self.urgency = self._now, message.sequence, NOTHING
         if self._now[0]:
-            chosen = self._say(self._lines, self._words)
+            chosen = self._say(self._lines, self._words, 1 if context else most)
             pairs = self._words[: 2 * chosen.bit_count()].tolist()
             words = b"".join(
                 value.to_bytes(3, "little", signed=True) + slope.to_bytes(2, "little", signed=True)
                 for value, slope in zip(pairs[::2], pairs[1::2], strict=True)
             )
-        (first, second), (state, status) = kind.counts(message), kind.state(message)
+        (first, second), (state, status) = self._counts(message), kind.state(message)
         numbers = message.sequence, message.time_ns // QUARTER_NS, first, second
         flags |= state if self._now[0] else state | ABSENT
         head = HEAD.pack(LINES, self._context, *(number & 0xFFFF for number in numbers), flags, status, chosen)
-        return self._context_record(message) + head + words
+        return context + head + words
+
+    def _counts(self, message: M) -> tuple[int, int]:
+        """Its numbers of messages; of telemetry that newest that said something, not one that goes on from it."""
+        first, second = self._kind.counts(message)
+        return first, min(second, self.known)
 
     def _context_record(self, message: M) -> bytes:
-        if not self._news and message.sequence - self._context_tick < CONTEXT_PERIOD:
-            return b""
         assert self._fixed is not None
         self._news, self._context_tick = max(self._news - 1, 0), message.sequence
         space, epoch, run, holder = self._fixed
-        counts = self._kind.counts(message)
+        counts = self._counts(message)
         context = Context(self._context, message.sequence, message.time_ns, counts, space, epoch, run, holder)
         data = msgspec.msgpack.encode(context)
         return bytes((CONTEXT, len(data))) + data
@@ -277,6 +306,7 @@ class Hearing(Generic[M]):
     Attributes:
         flags: Of its newest record.
         counts: Numbers of messages that this said.
+        tick: Its tick.
     """
 
     def __init__(self, kind: Kind[M]) -> None:
@@ -286,25 +316,36 @@ class Hearing(Generic[M]):
         self._go_on: Any
         self._take, self._go_on = stream.take.entry, stream.go_on.entry
         self._context: Context | None = None
+        self._other: Context | None = None  # of a sender that is not heard yet
         self._lines: Any = None
-        self._tick = self._time_ns = self._status = self._absent_tick = self._silent = 0
+        self.tick = self._time_ns = self._status = self._given = self._silent = 0
 
-    def context(self, data: bytes) -> None:
-        """Take the record of a context; what is none is left out."""
+    def context(self, data: bytes) -> bool:
+        """Take the record of a context, of which one that is none is left out; whether another sender is heard now."""
         try:
             context = _decode_context(data)
         except (msgspec.DecodeError, UnicodeDecodeError):
-            return
+            return False
+        if max(context.tick, context.time_ns, *context.counts) > LARGEST or not context.holder.isprintable():
+            return False
         before, kind = self._context, self._kind
-        if before is None or kind.who(before) != kind.who(context) or before.space != context.space:
-            # Another sender is heard once this one is silent: two of them may say lines at a time.
-            if before is not None and self._silent < stream.REACH:
-                return
-            self._lines = stream.heard(kind.numbers[context.space], kind.positions(context.space))
-            self._tick = self.flags = self._silent = 0
-        if context.tick > self._tick:  # the lowest bits may have come round since
-            self._tick, self._time_ns, self.counts = max(context.tick - 1, 0), context.time_ns, context.counts
-        self._context = context
+        if before is not None and (kind.who(before), before.space) == (kind.who(context), context.space):
+            self._context = max(before, context, key=lambda one: one.tick)
+            return False
+        # Another sender is heard once this one is silent: two of them may say lines at a time.
+        self._other = context
+        return self._take_over()
+
+    def _take_over(self) -> bool:
+        """Hear another sender, if the one before has been silent for long; whether it is so."""
+        context, kind = self._other, self._kind
+        if context is None or (self._context is not None and self._silent < TAKEN_OVER):
+            return False
+        self._context, self._other = context, None
+        self._lines = stream.heard(kind.numbers[context.space], kind.positions(context.space))
+        self.tick, self._time_ns, self.counts = max(context.tick - 1, 0), context.time_ns, context.counts
+        self.flags = self._silent = self._given = 0
+        return True
 
     def lines(self, data: bytes, at: int) -> int:
         """Take a record of lines at a place; where it ends, or a negative number where it is none."""
@@ -318,39 +359,39 @@ class Hearing(Generic[M]):
         context = self._context
         if context is None or number != context.number or chosen >> len(self._kind.numbers[context.space]):
             return end
-        tick = unwrapped(tick, 16, max(self._tick, context.tick))
-        if tick <= self._tick:
+        before = max((self.tick, self._time_ns, self.counts), (context.tick, context.time_ns, context.counts))
+        tick = unwrapped(tick, 16, before[0])
+        if tick <= self.tick:
             return end
         places = range(at, end, NUMBER)
         for index, place in enumerate(places):
             self._words[2 * index] = int.from_bytes(data[place : place + 3], "little", signed=True)
             self._words[2 * index + 1] = int.from_bytes(data[place + 3 : place + 5], "little", signed=True)
-        self._tick, self._silent, self.flags, self._status = tick, 0, flags, status
-        self._time_ns = unwrapped(quarters, 16, self._time_ns // QUARTER_NS) * QUARTER_NS
-        before = self.counts
-        self.counts = unwrapped(first, 16, before[0]), unwrapped(second, 16, before[1])
-        if flags & ABSENT:
-            self._absent_tick = tick - 1
-        else:
+        time_ns = before[1] + (tick - before[0]) * TICK_NS
+        self._time_ns = unwrapped(quarters, 16, time_ns // QUARTER_NS) * QUARTER_NS
+        self.counts = unwrapped(first, 16, before[2][0]), unwrapped(second, 16, before[2][1])
+        self.tick, self._silent, self.flags, self._status = tick, 0, flags, status
+        if not flags & ABSENT:
             self._take(self._lines, tick, chosen, self._words)
         return end
 
     def next(self) -> M | None:
         """The message of the next tick of the other side, None where there is none."""
-        context = self._context
         self._silent += 1
-        if context is None or not self._tick:
+        self._take_over()
+        context = self._context
+        if context is None or not self.tick:
             return None
         count = len(self._kind.numbers[context.space])
         if self.flags & ABSENT:
-            tick = self._absent_tick = max(self._absent_tick + 1, self._tick)
-            if tick - self._tick > stream.REACH:
+            tick, told = max(self._given + 1, self.tick), [math.nan] * count
+            if tick - self.tick > stream.REACH:
                 return None
-            told = [math.nan] * count
         else:
             tick = self._go_on(self._lines)
-            if not tick:
+            if tick <= self._given:  # none, or as the numbers were missing these ticks were given
                 return None
             told = self._lines["given"][0, :count].tolist()
-        time_ns = max(self._time_ns + (tick - self._tick) * TICK_NS, 0)
+        self._given = tick
+        time_ns = max(self._time_ns + (tick - self.tick) * TICK_NS, 0)
         return self._kind.made(context, tick, time_ns, self.counts, (self.flags, self._status), told)

@@ -30,7 +30,8 @@ SOONER = 0.5  # Part of the receiver's reach after which the sender speaks at th
 JUMP = 20.0  # Multiple of its bound from which on an error is a step, behind which slopes are taken anew
 ENOUGH = 0.5  # Part of its bound from which on an error is worth a line in a packet that is said anyway
 KEPT = 0.7  # Part of the step to a new line that is left after a tick
-LOOK_BACK = 1000  # Ticks over which the least lateness is taken
+LOOK_BACK = 250  # Ticks over which the least lateness is taken
+SPREAD = 5  # Ticks from one that is left out to the next
 DENOMINATOR = WINDOW * (WINDOW * WINDOW - 1) / 12.0  # Sum of the squared distances of the ticks from their mean
 
 
@@ -40,7 +41,7 @@ class Lines(Record):
     count: int  # of numbers
     known: bool
     tick: int  # from which they go
-    values: Annotated[NDArray[Any], float, MOST]  # there
+    values: Annotated[NDArray[Any], float, MOST]  # there; NaN where one is not known
     slopes: Annotated[NDArray[Any], float, MOST]  # [1/tick]
     positions: int  # of them, the first, are positions that a robot goes to
 
@@ -70,6 +71,7 @@ class Heard(Record):
     tick: int  # newest that was given
     lateness: int  # least of packets since that was looked at, in ticks
     looked: int  # ticks since
+    slow: int  # lateness of then: as many ticks less one are left out
     given: Annotated[NDArray[Any], float, MOST]  # numbers of the newest tick
 
 
@@ -95,7 +97,7 @@ def said(numbers: tuple[Number, ...], positions: int) -> NDArray[Any]:
     """State of a sender of these numbers, of which the first are positions that a robot goes to."""
     made = Said.new()
     lines = made["lines"]
-    lines["count"], lines["positions"] = len(numbers), positions
+    lines["count"], lines["positions"], lines["values"] = len(numbers), positions, math.nan
     for at, one in enumerate(numbers):
         made["bounds"][0, at], made["shares"][0, at] = one.bound, one.share
         made["steps"][0, at], made["slope_steps"][0, at] = one.step, one.slope_step
@@ -126,21 +128,22 @@ _reach_of = reach_of.function
 
 @compiled
 def _error(said: Said, i: int) -> float:
-    """Error of a line in the newest tick, as a multiple of its bound; infinite before the first."""
+    """Error of a line in the newest tick, as a multiple of its bound; infinite where it is not known."""
     lines, number = said.lines, said.newest[said.tick % WINDOW, i]
-    if not lines.known:
+    if math.isnan(lines.values[i]):
         return math.inf
     wrong = abs(lines.values[i] + lines.slopes[i] * (said.tick - lines.tick) - number)
     return float(wrong / (said.bounds[i] + said.shares[i] * abs(number)))
 
 
-NOTHING, WORTH, DUE = range(3)
-"""Whether a packet is to be said now: no; yes, for a line is wrong; yes, for the other end would wait no longer."""
+NOTHING, WORTH, SOON, DUE = range(4)
+"""Whether a packet is to be said now: no; yes, for a line is wrong; yes, for the lines will soon have gone on as far as
+they may; and in any case, as the sign of life."""
 
 
 @kernel("i8(Said[::1], i8, UniTuple(f8, 16))")
 def note(saids: NDArray[np.void], tick: int, numbers: tuple[float, ...]) -> int:
-    """Note the numbers of a tick, all finite; `NOTHING`, `WORTH` or `DUE`.
+    """Note the numbers of a tick, all finite; `NOTHING`, `WORTH`, `SOON` or `DUE`.
 
     Args:
         saids: An array of one `Said`; written.
@@ -148,16 +151,20 @@ def note(saids: NDArray[np.void], tick: int, numbers: tuple[float, ...]) -> int:
         numbers: As many as there are; the rest is not read.
     """
     said, lines = saids[0], saids[0].lines
-    if tick != said.tick + 1:  # ticks are missing: their slope is not known
+    if tick != said.tick + 1:  # ticks are missing: their slope is not known, and the lines do not go on over them
         said.noted = 0
+        for i in range(lines.count):
+            lines.values[i] = math.nan
     said.tick, worst = tick, 0.0
     for i in range(lines.count):
         said.newest[tick % WINDOW, i] = numbers[i]
         worst = max(worst, _error(said, i))
     said.noted = 1 if worst > JUMP else min(said.noted + 1, WINDOW)
     gone = tick - lines.tick
-    if gone < 0 or gone >= min(SOONER * _reach_of(lines), float(LONGEST_GAP)):
+    if gone < 0 or gone >= LONGEST_GAP:
         return DUE
+    if gone >= SOONER * _reach_of(lines):
+        return SOON
     return WORTH if worst > 1.0 else NOTHING
 
 
@@ -171,34 +178,46 @@ def _slope(said: Said, i: int) -> float:
     return slope / DENOMINATOR
 
 
-@kernel("i8(Said[::1], i8[::1])")
-def say(saids: NDArray[np.void], words: NDArray[np.int64]) -> int:
+@compiled
+def _chosen(said: Said, most: int) -> int:
+    """Which numbers are said, a bit for each: that whose turn it is, and those that are worth it, in turn."""
+    chosen, count = 0, said.lines.count
+    said.turn = (said.turn + 1) % count
+    for step in range(count):
+        i = (said.turn + step) % count
+        if most > 0 and (step == 0 or said.again >> i & 1 or _error(said, i) > ENOUGH):
+            chosen |= 1 << i
+            most -= 1
+    return chosen
+
+
+@kernel("i8(Said[::1], i8[::1], i8)")
+def say(saids: NDArray[np.void], words: NDArray[np.int64], most: int) -> int:
     """Begin new lines at the newest tick: of those that are worth it as they are said, of the others as they go on.
 
     Args:
         saids: An array of one `Said`; written.
         words: Written, two for each number that is said: its value, of 24 bits, and its slope, of 16, in steps.
+        most: How many numbers are said at most, 1 or more.
 
     Returns:
         Which numbers are said, a bit for each.
     """
     said, lines = saids[0], saids[0].lines
-    gone, chosen, again, at = said.tick - lines.tick, 0, 0, 0
-    said.turn = (said.turn + 1) % lines.count
+    gone, chosen, at = said.tick - lines.tick, _chosen(said, most), 0
+    again = said.again & ~chosen
     for i in range(lines.count):
-        worth = _error(said, i) > ENOUGH
-        if not (worth or said.again >> i & 1 or said.turn == i):
+        if not chosen >> i & 1:
             lines.values[i] += lines.slopes[i] * gone
             continue
-        again |= worth << i
+        again |= (_error(said, i) > ENOUGH) << i
         value, slope = said.newest[said.tick % WINDOW, i] / said.steps[i], _slope(said, i) / said.slope_steps[i]
         words[at] = min(max(round(value), -0x7FFFFF), 0x7FFFFF)
         words[at + 1] = min(max(round(slope), -0x7FFF), 0x7FFF)
         lines.values[i] = words[at] * said.steps[i]
         lines.slopes[i] = words[at + 1] * said.slope_steps[i]
-        chosen |= 1 << i
         at += 2
-    lines.tick, lines.known, said.again = said.tick, True, again
+    lines.tick, said.again = said.tick, again
     return chosen
 
 
@@ -216,16 +235,17 @@ def take(heards: NDArray[np.void], tick: int, chosen: int, words: NDArray[np.int
     if lines.tick > 0 and tick <= lines.tick:
         return False
     follows, gone, at = heard.tick > 0 and abs(tick - heard.tick) <= REACH, tick - lines.tick, 0
+    lost = gone > _reach_of(lines)  # so that a number that is not said now may have been said meanwhile
     lines.known = True
     for i in range(lines.count):
         if chosen >> i & 1:
             lines.values[i], lines.slopes[i] = words[at] * heard.steps[i], words[at + 1] * heard.slope_steps[i]
             at += 2
         else:
-            lines.values[i] += lines.slopes[i] * gone
+            lines.values[i] = math.nan if lost else lines.values[i] + lines.slopes[i] * gone
         lines.known = lines.known and math.isfinite(lines.values[i])
         here = lines.values[i] + lines.slopes[i] * (heard.tick - tick)
-        heard.apart[i] = heard.given[i] - here if follows else 0.0
+        heard.apart[i] = heard.given[i] - here if follows and math.isfinite(here) else 0.0
     heard.lateness = min(heard.lateness, heard.tick - tick)
     lines.tick = tick
     return True
@@ -235,8 +255,8 @@ def take(heards: NDArray[np.void], tick: int, chosen: int, words: NDArray[np.int
 def go_on(heards: NDArray[np.void]) -> int:
     """The next tick, whose numbers are then in `Heard.given`; 0 where there is none.
 
-    Ticks are given in the rhythm of the receiver, of which one is left out where all packets of a second came late: the
-    sender's are slower. Where one came early, those between are left out.
+    Ticks are given in the rhythm of the receiver. Where all packets of a while came late, the sender's are slower, and
+    as many are left out, one now and then. Where one came early, those between are left out.
 
     Args:
         heards: An array of one `Heard`; written.
@@ -246,10 +266,11 @@ def go_on(heards: NDArray[np.void]) -> int:
         return 0
     heard.looked += 1
     if heard.looked >= LOOK_BACK:
-        heard.looked = 0
-        slower, heard.lateness = heard.lateness > 1, REACH
-        if slower:
-            return 0
+        heard.looked, heard.slow = 0, heard.lateness if heard.lateness < REACH else 0
+        heard.lateness = REACH
+    if heard.slow > 1 and heard.looked % SPREAD == 0:
+        heard.slow -= 1
+        return 0
     tick = max(heard.tick + 1, lines.tick)
     gone = tick - lines.tick
     if gone > _reach_of(lines):
