@@ -32,6 +32,11 @@ PART = 0.5
 UNFELT = 0.15
 """Change of force by rounding, at most, in the same unit, where the material was touched."""
 
+BYTE_RATE, LARGEST_BURST = 130.0, 2300.0
+"""Bytes a second of models in the long run, and bytes that a new material may take beside them. What is left of these
+decides how large a change is said: below a half of them, up to `COSTLY` times as large a one."""
+COSTLY = 4.0
+
 LONGEST_NS = 2_000_000_000  # Longest time between two models [ns]
 PATIENCE = 1.5  # Round trips after which a model that nobody acknowledged is said again
 SELDOM_NS = 10_000_000_000  # Time between two messages of the numbers that only people look at [ns]
@@ -281,6 +286,7 @@ class ModelsSaid:
         self._trip_ns = float(LONGEST_NS) / PATIENCE  # until a model is acknowledged
         self._whole, self._whole_ns = True, -LONGEST_NS
         self._seldom_ns = -SELDOM_NS
+        self._allowance, self._allowed_ns = LARGEST_BURST, 0
         for each in (felt.gap, felt.apart, felt.touch, felt.remember, felt.spare):
             each.entry  # noqa: B018  # see `_Form`
 
@@ -304,12 +310,14 @@ class ModelsSaid:
                 has = self._newest.law, self._newest.surface
             felt.touch.entry(law, update.surface, update.state, update.time_ns * 1e-9, *has, self._touches[0])
         said = _said(update, model is not None)
+        self._allowance += BYTE_RATE * 1e-9 * (now_ns - self._allowed_ns)
+        self._allowance, self._allowed_ns = min(self._allowance, LARGEST_BURST), now_ns
         if not self._is_due(update, law, said, now_ns):
             return None
         data = None if said is None else self._write(update, law, model, *said, now_ns)
         if data is None:
             data = bytes([PLAIN]) + encode(update)
-            self._keep(Kept(_tag_of(data), update.sequence, 0, 0, NO_TEXTS, 0, NOTHING.steps), update, law, now_ns)
+            self._keep(Kept(_tag_of(data), update.sequence, 0, 0, NO_TEXTS, 0, NOTHING.steps), len(data), update, law, now_ns)
         return data
 
     def _note(self, acknowledged: int, now_ns: int) -> None:
@@ -341,15 +349,19 @@ class ModelsSaid:
     ) -> bool:
         """Whether the leader would feel that it renders from a model that was sent in place of this one."""
         if said is not None and _is_news(sent.kept.texts, said[0]):
+            self._allowance = LARGEST_BURST  # another material, or another state of the session, is learnt anew
             return True
         if felt.moved(sent.fixture, update.fixture):
             return True
         touches = self._touches[0]
         if not touches.count and abs(update.surface - sent.surface) > SURFACE_CHANGE:
             return True
+        part = self._part * COSTLY ** max(1.0 - 2.0 * self._allowance / LARGEST_BURST, 0.0)
+        if self._allowance < 0.0:
+            return False
         if sent is self._newest:
-            return felt.gap.entry(law, update.surface, touches) > self._part
-        return felt.apart.entry(law, update.surface, sent.law, sent.surface, touches) > self._part
+            return felt.gap.entry(law, update.surface, touches) > part
+        return felt.apart.entry(law, update.surface, sent.law, sent.surface, touches) > part
 
     def _write(
         self, update: ModelUpdate, law: NDArray[np.void], model: ContactMapModel | None, texts: Texts, reason: int, now_ns: int
@@ -383,7 +395,7 @@ class ModelsSaid:
             return None
         if base is NOTHING:
             self._whole, self._whole_ns = False, now_ns
-        self._keep(kept, seen, felt.law_of(seen)[0], now_ns)
+        self._keep(kept, len(data), seen, felt.law_of(seen)[0], now_ns)
         return data
 
     def _base_for(self, update: ModelUpdate) -> Kept:
@@ -395,9 +407,10 @@ class ModelsSaid:
         alike = [sent for sent in newest if sent.kept.tag == base.kept.tag]
         return base.kept if alike == [base] else NOTHING
 
-    def _keep(self, kept: Kept, seen: ModelUpdate, law: NDArray[np.void], now_ns: int) -> None:
+    def _keep(self, kept: Kept, size: int, seen: ModelUpdate, law: NDArray[np.void], now_ns: int) -> None:
         """Remember what was sent."""
         self._newest = self._sent[kept.sequence] = _Sent(kept, law, seen.surface, seen.fixture, now_ns)
+        self._allowance -= size
         felt.remember.entry(law, seen.surface, self._touches[0])
         while len(self._sent) > KEPT:
             self._sent.popitem(last=False)
