@@ -110,9 +110,10 @@ class End(ABC, Generic[Said, Heard]):
                 self._offer_of_step(message, now_ns)
         elapsed = now_ns - self._before_ns if self._before_ns >= 0 else 0
         self._before_ns = now_ns
-        gained = max(elapsed, 0) * self._rate  # what is not sent now is not sent later: nothing may queue up before a stop
-        self._allowance = min(self._allowance + gained, 0.0)
-        self._for_lines = min(self._for_lines + SHARE * gained, 0.0)
+        # What is not sent now may be sent later, as far as a packet: more would queue up before a stop.
+        gained, most = max(elapsed, 0) * self._rate, float(self._longest)
+        self._allowance = min(self._allowance + gained, most)
+        self._for_lines = min(self._for_lines + SHARE * gained, SHARE * most)
         content = self._content()
         if content:
             self.packets += 1
