@@ -262,15 +262,18 @@ class Saying(Generic[M]):
 
         Args:
             flags: Further ones.
-            most: How many numbers are said at most; beside a context it is one.
+            most: How many numbers are said at most; beside a context that has been said before it is one.
             spare: Whether there is room for a context that has been said before.
         """
         message, kind, chosen, words = self._message, self._kind, 0, b""
         assert message is not None
-        context = self._context_record(message) if self._news or (spare and self._context_is_due) else b""
+        context = b""
+        if self._news or (spare and self._context_is_due):
+            most = most if self._news else 1
+            context = self._context_record(message)
         self._told, self._tick, self.urgency = self._now, message.sequence, NOTHING
         if self._now[0]:
-            chosen = self._say(self._lines, self._words, 1 if context else most)
+            chosen = self._say(self._lines, self._words, most)
             pairs = self._words[: 2 * chosen.bit_count()].tolist()
             words = b"".join(
                 value.to_bytes(3, "little", signed=True) + slope.to_bytes(2, "little", signed=True)

@@ -1,0 +1,144 @@
+"""What goes in pieces comes out whole: any one lost piece comes back, and no piece is taken for another's."""
+
+from __future__ import annotations
+
+import random
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from foretouch.session.thin.outbox import LONGEST, MOST_PIECES, PARITY, PIECE, PIECE_HEAD, SHORTEST, Inbox, Outbox
+
+NAMES = ("urgent", "usual", "seldom")
+contents = st.binary(min_size=1, max_size=600)
+rooms = st.integers(PIECE_HEAD + SHORTEST, 255)
+
+
+def all_records(outbox: Outbox, room: int) -> list[bytes]:
+    records = []
+    while record := outbox.next(room):
+        assert len(record) <= room
+        records.append(record)
+    return records
+
+
+def taken(inbox: Inbox, records: list[bytes]) -> list[tuple[str, bytes]]:
+    whole = []
+    for record in records:
+        end, name, content = inbox.take(record, 0)
+        assert end == len(record)
+        if content:
+            whole.append((name, content))
+    return whole
+
+
+@given(content=contents, room=rooms, data=st.data())
+def test_any_one_lost_piece_comes_back_in_any_order_and_however_often(
+    content: bytes, room: int, data: st.DataObject
+) -> None:
+    outbox, inbox = Outbox(NAMES, room), Inbox(NAMES)
+    outbox.put("usual", content)
+    records = all_records(outbox, room)
+    if len(records) > 1:
+        del records[data.draw(st.integers(0, len(records) - 1))]
+    records = data.draw(st.permutations(records + records[:3]))
+    assert taken(inbox, records) == [("usual", content)]
+    assert taken(inbox, records) == []  # doubled
+
+
+@given(things=st.lists(contents, min_size=2, max_size=40), room=rooms, seed=st.integers(0, 10**6))
+def test_things_come_in_their_order_though_pieces_do_not(things: list[bytes], room: int, seed: int) -> None:
+    """Each piece is late by some, lost or doubled: nothing comes twice, or after a newer one, or changed."""
+    draw = random.Random(seed)
+    outbox, inbox = Outbox(NAMES, room), Inbox(NAMES)
+    coming: list[tuple[float, bytes]] = []
+    for number, content in enumerate(things):
+        outbox.put("usual", number.to_bytes(2) + content)
+        for record in all_records(outbox, room):
+            for _ in range(draw.choice((0, 1, 1, 1, 2))):
+                coming.append((len(coming) + draw.uniform(0.0, draw.choice((0.1, 20.0))), record))
+    whole = taken(inbox, [record for _, record in sorted(coming)])
+    numbers = [int.from_bytes(content[:2]) for _, content in whole]
+    assert numbers == sorted(set(numbers))
+    assert all(content[2:] == things[number] for number, (_, content) in zip(numbers, whole, strict=True))
+
+
+def test_numbers_come_round() -> None:
+    outbox, inbox = Outbox(NAMES, 40), Inbox(NAMES)
+    for number in range(1000):
+        content = number.to_bytes(2) * 40
+        outbox.put("seldom", content)
+        assert taken(inbox, all_records(outbox, 40)) == [("seldom", content)]
+
+
+def test_the_newest_of_a_name_wins_and_what_has_begun_is_sent() -> None:
+    outbox, inbox = Outbox(NAMES, 40), Inbox(NAMES)
+    outbox.put("usual", b"a" * 100)
+    begun = [outbox.next(40)]
+    outbox.put("usual", b"b" * 100)
+    outbox.put("usual", b"c" * 100)
+    assert outbox.waits("usual")
+    assert taken(inbox, begun + all_records(outbox, 40)) == [("usual", b"a" * 100), ("usual", b"c" * 100)]
+    assert not outbox.waits("usual")
+
+
+def test_what_is_more_urgent_goes_first() -> None:
+    outbox = Outbox(NAMES, 40)
+    outbox.put("seldom", b"a" * 100)
+    outbox.put("usual", b"b" * 100)
+    first = outbox.next(40)
+    outbox.put("urgent", b"c" * 10)
+    order = [first, *all_records(outbox, 40)]
+    places = [record[1] for record in order]
+    assert places == [1, 0, 1, 1, 1, *[2] * 4]
+
+
+def test_a_short_room_makes_no_crumbs_and_blocks_nothing() -> None:
+    outbox, inbox = Outbox(NAMES, 40), Inbox(NAMES)
+    outbox.put("usual", bytes(300))
+    assert outbox.next(7) == b""
+    records = all_records(outbox, 40)
+    assert len(records) <= -(-300 // SHORTEST) + 1
+    assert taken(inbox, records) == [("usual", bytes(300))]
+
+
+@given(size=st.integers(1, 70_000), room=st.integers(PIECE_HEAD + 1, 400))
+def test_what_is_too_long_is_left_out_and_the_rest_goes_on(size: int, room: int) -> None:
+    outbox, inbox = Outbox(NAMES, room), Inbox(NAMES)
+    outbox.put("urgent", bytes(size))
+    outbox.put("seldom", b"short")
+    whole = taken(inbox, all_records(outbox, room))
+    fits = size <= MOST_PIECES * min(room - PIECE_HEAD, LONGEST)
+    assert outbox.refused == (not fits)
+    assert [name for name, _ in whole] == (["urgent"] if fits else []) + ["seldom"]
+
+
+def test_another_sender_counts_anew() -> None:
+    inbox = Inbox(NAMES)
+    first, second = Outbox(NAMES, 40), Outbox(NAMES, 40)
+    first.put("usual", b"first")
+    second.put("usual", b"second")
+    assert taken(inbox, all_records(first, 40)) == [("usual", b"first")]
+    inbox.restart()
+    assert taken(inbox, all_records(second, 40)) == [("usual", b"second")]
+
+
+def test_what_lacks_two_pieces_is_counted_when_the_next_begins() -> None:
+    outbox, inbox = Outbox(NAMES, 40), Inbox(NAMES)
+    for content in (b"a" * 100, b"b" * 100):
+        outbox.put("usual", content)
+        records = all_records(outbox, 40)
+        taken(inbox, records[2:] if content[:1] == b"a" else records)
+    assert inbox.broken == {"urgent": 0, "usual": 1, "seldom": 0}
+
+
+@given(st.lists(st.binary(max_size=60), max_size=60), st.integers(0, 10**6))
+def test_hostile_pieces_raise_nothing_and_fill_nothing(pieces: list[bytes], seed: int) -> None:
+    draw, inbox = random.Random(seed), Inbox(NAMES)
+    for piece in pieces:
+        head = bytes((draw.choice((PIECE, PARITY)), draw.randint(0, 4), *(draw.choice((0, 1, 2, 3, 255)) for _ in range(4))))
+        end, _, _ = inbox.take(head + piece, 0)
+        assert end == -1 or PIECE_HEAD <= end <= len(head) + len(piece)
+    kept = [known for _, _, known in inbox._begun.values() if known]
+    assert len(inbox._begun) <= len(NAMES)
+    assert sum(len(piece) for known in kept for piece in known.values()) <= len(NAMES) * 257 * 255
