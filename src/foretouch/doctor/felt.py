@@ -8,11 +8,11 @@ import sys
 from typing import Any
 
 from foretouch.doctor.finding import Finding, Verdict
-from foretouch.errors import InputError
+from foretouch.errors import InputError, plural
 from foretouch.files.children import last_line
 
-LASTS = 60.0  # Longest session that is simulated [s]
-BEFORE = 20.0  # Time before the longest stall at which it begins, where the network lasts longer [s]
+LASTS = 40.0  # Longest session that is simulated [s]
+BEFORE = 15.0  # Time before the longest stall at which it begins, where the network lasts longer [s]
 PATIENCE = 900.0  # Time after which the simulation is given up [s]
 
 STALE = 1.0  # Stale commands from which a network is bad [%]
@@ -26,7 +26,7 @@ def check_network(network: str) -> Finding:
     can be felt for half of the contact. A warning is one in whose stalls the robot holds.
     """
     from foretouch.link import network_trace
-    from foretouch.report import network_figures
+    from foretouch.report.networks import network_figures
 
     name = f"network {network}"
     try:
@@ -52,6 +52,8 @@ def check_network(network: str) -> Finding:
 
 def judge_felt(name: str, network: dict[str, Any], report: dict[str, Any], mend: str) -> Finding:
     """What the figures of a network, and of a session over it, say."""
+    from foretouch.report.networks import in_ms
+
     figures = {"stable": report["stable"]}
     figures |= {each: report[each] for each in ("duration_s", "prediction_error_percent", "within_jnd_percent")}
     figures |= {each: network[each] for each in ("longest_stall_s", "stalls_that_hold", "stale_percent")}
@@ -60,11 +62,13 @@ def judge_felt(name: str, network: dict[str, Any], report: dict[str, Any], mend:
         text = f"in {report['duration_s']:.0f} s simulated over it nothing was felt that could be scored"
         return Finding(name, Verdict.BAD, text, mend, figures)
     figures["beyond_jnd_percent"] = beyond = 100.0 - inside
+    figures["away_percent"] = away = 100.0 * report["away_samples"] / max(report["samples"], 1)
     text = (
         f"{report['duration_s']:.0f} s simulated over it: the predicted force is wrong by "
-        f"{report['prediction_error_percent']:.3g} %, in {beyond:.3g} % of contact by more than can be felt; "
-        f"{network['stale_percent']:.2g} % of commands too late to be obeyed; stalls of up to "
-        f"{1e3 * network['longest_stall_s']:.3g} ms, in {network['stalls_that_hold']} the robot holds"
+        f"{report['prediction_error_percent']:.3g} %, in {beyond:.3g} % of the scored contact by more than can be "
+        f"felt; the robot did not follow for {away:.2g} % of the time. In the whole of the network "
+        f"{network['stale_percent']:.2g} % of commands are too late to be obeyed, and in "
+        f"{plural(network['stalls_that_hold'], 'stall')} of up to {in_ms(network['longest_stall_s'])} the robot holds"
     )
     if not report["stable"] or beyond >= FELT or network["stale_percent"] >= STALE:
         return Finding(name, Verdict.BAD, text, mend, figures)

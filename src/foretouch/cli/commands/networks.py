@@ -89,7 +89,7 @@ HOST_HELP = "The other machine: HOST, HOST:PORT or an endpoint such as tls/HOST:
 Insecure = Annotated[bool, typer.Option("--insecure", help="Without keys, over tcp: anybody may listen.")]
 
 
-def _endpoint(host: str, *, insecure: bool) -> str:
+def endpoint_of(host: str, *, insecure: bool) -> str:
     """The endpoint of a machine: with keys, unless nothing leaves this one, or none are wanted."""
     if "/" in host:
         return host
@@ -127,7 +127,7 @@ def measure_network(
         raise SettingError("seconds", seconds, f"must be 1 to {MOST_SECONDS:g}")
     path = out or Path(time.strftime("foretouch-network-%Y%m%d-%H%M%S.csv"))
     require_writable(path.parent)
-    endpoint = _endpoint(host, insecure=insecure)
+    endpoint = endpoint_of(host, insecure=insecure)
     ends = Endpoints(connect=[endpoint], insecure=insecure, keys=keys)
     be_prompt()
     stop = StopFlag().on_signals()
@@ -164,7 +164,7 @@ def answer_network(
     Example: foretouch network answer 127.0.0.1 --duration 30
     """
     require_duration(duration)
-    ends = Endpoints(listen=[_endpoint(host, insecure=insecure)], insecure=insecure, keys=keys)
+    ends = Endpoints(listen=[endpoint_of(host, insecure=insecure)], insecure=insecure, keys=keys)
     return answer_questions(ends, duration)
 
 
