@@ -20,7 +20,7 @@ from foretouch.errors import InputError, SettingError, UnknownNameError
 from foretouch.errors.checks import require
 from foretouch.link import network_trace
 from foretouch.robot import read_arm
-from foretouch.settings import ARMS, BASELINES, SIMULATED, is_arm, is_simulated
+from foretouch.settings import ARMS, BASELINES, LEAST_BUDGET, SIMULATED, is_arm, is_simulated
 from foretouch.sweep.cases import Case, baseline_numbers, draw_case
 from foretouch.sweep.outcome import Outcome, failed, run_case
 
