@@ -83,6 +83,11 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
             *("measure_bits:ticks", "foretouch.session.steps.leading:tick", "foretouch.export.package:write_package"),
         ),
     },
+    "docs/thin-links.md": {
+        "budgets": ("measure_budget:budgets", SIMULATE, "foretouch.session.thin.ends:End"),
+        "traces": ("measure_budget:traces", SIMULATE, "foretouch.session.thin.ends:End", "foretouch.link.networks.trace:Way"),
+        "cost": ("measure_budget:cost", "foretouch.session.thin.ends:End"),
+    },
     "docs/faults.md": {"faults": ("measure_faults:main", "test_session_soak_fire", *LIVE)},
     "docs/identifiability.md": dict.fromkeys(("bounds", "twins"), ("draw_identifiability:shares",)),
     "docs/replay.md": {"replays": ("measure_results:replays", SIMULATE, REPLAY)},

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from typed_commands import good, output_of, refusal_of, run
 
+from foretouch.cli.commands import networks
 from foretouch.link import NETWORK_NAMES, PUBLISHED_NETWORKS, network_trace
 from foretouch.report import network_row
 
@@ -97,3 +98,28 @@ def test_a_sweep_runs_over_one(tmp_path: Path) -> None:
     again = output_of("sweep", "--out", folder, "--replay", "1")
     assert again["identical"]
     assert "--network low-orbit --network-start" in again["command"]
+
+
+@pytest.mark.parametrize(
+    ("host", "insecure", "endpoint"),
+    [
+        ("127.0.0.1", False, "tcp/127.0.0.1:7447"),
+        ("localhost:9000", False, "tcp/localhost:9000"),
+        ("robot.example", False, "tls/robot.example:7447"),
+        ("robot.example:9000", True, "tcp/robot.example:9000"),
+        ("[fe80::1]", False, "tls/[fe80::1]:7447"),
+        ("[fe80::1]:9000", True, "tcp/[fe80::1]:9000"),
+        ("tls/robot.example:1", False, "tls/robot.example:1"),
+    ],
+)
+def test_a_host_is_reached_with_keys_unless_it_is_this_machine(host: str, insecure: bool, endpoint: str) -> None:
+    assert networks.endpoint_of(host, insecure=insecure) == endpoint
+
+
+def test_measuring_refuses_before_it_begins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert "must be 1 to 600" in refusal_of("network", "measure", "127.0.0.1", "--seconds", "0.5")
+    assert "is not there" in refusal_of("network", "measure", "127.0.0.1", "--out", tmp_path / "no" / "home.csv")
+    assert "keys" in refusal_of("network", "measure", "robot.example", "--keys", tmp_path / "none")
+    assert "keys" in refusal_of("network", "answer", "0.0.0.0", "--keys", tmp_path / "none")
+    assert list(tmp_path.iterdir()) == []

@@ -128,7 +128,7 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
 }
 """Commands that end by themselves, and their short forms."""
 
-ALONE = ("teleop", "stop", "release", "camera", "bridge", "gate", "doctor")
+ALONE = ("teleop", "stop", "release", "camera", "bridge", "gate", "doctor", "network")
 """Commands of a session in real time that have a test of their own, and no place in a lap."""
 
 LIVE = ("follower", "leader", "record", "console", *ALONE)
@@ -560,6 +560,20 @@ def test_a_gate_waits_until_it_is_told_to_end(text: str, tmp_path: Path, running
     assert " may connect at tcp/127.0.0.1:" in running[0].stderr.readline()
     running[0].send_signal(signal.SIGTERM)
     assert json.loads(finish(running[0])) == {"ended": "terminated", "taken": 0, "handed": 0, "dropped": 0}
+
+
+@pytest.mark.network
+def test_a_network_is_measured_and_answered(tmp_path: Path, running: list[subprocess.Popen[str]]) -> None:
+    asks, answers = (shlex.split(text) for text in (*of("network", "measure")[:1], *of("network", "answer")[:1]))
+    here = f"127.0.0.1:{free_port()}"
+    running.append(start(["network", "answer", here, *answers[3:], "--json"], tmp_path))
+    assert running[0].stderr is not None
+    assert "answers on" in running[0].stderr.readline()
+    running.append(start(["network", "measure", here, *without(asks[3:], "--seconds"), "--seconds", "1"], tmp_path))
+    assert "longest stall" in finish(running[1])
+    running[0].send_signal(signal.SIGINT)
+    assert json.loads(finish(running[0]))["answered"] > 100
+    assert (tmp_path / asks[asks.index("--out") + 1]).read_text().startswith("# foretouch network measure")
 
 
 # --- Python -----------------------------------------------------------------------------------------------------------

@@ -36,14 +36,16 @@ def examine(
     arm: str = "",
     machines: tuple[tuple[str, str], ...] = (),
     move: float = 0.0,
+    network: str = "",
     say: Callable[[str], None],
 ) -> Iterator[Finding]:
     """Make every check, those first that disturb the others least, and give each finding as soon as it is there.
 
     The loops run, and each peer of the `ways` is asked, for `seconds` [s], above 0; `keys` is a folder, else the usual
     one; `arm` a simulated arm that is made and timed, or the file of its description; `machines` what is there, each
-    ``"robot"`` or ``"device"`` and its name, a robot being allowed to `move` so far [m]. `say` is called with what is
-    examined next, where it takes long.
+    ``"robot"`` or ``"device"`` and its name, a robot being allowed to `move` so far [m]; over a
+    `network`, a name or a file, a session is simulated. `say` is called with what is examined next, where it takes
+    long.
     """
     yield from (surroundings.check_python(), surroundings.check_packages(), surroundings.check_extras())
     yield from (check_cores(), check_governor())
@@ -69,6 +71,11 @@ def examine(
         reports = str(error)
     yield check_loops(reports)
     yield check_real_time(None if isinstance(reports, str) else reports["session"]["slice_s"])
+    if network:
+        from foretouch.doctor.felt import check_network
+
+        say(f"simulating a session over {network}")
+        yield check_network(network)
     for endpoint, host, port, open_link in ways:
         from foretouch.doctor.network import check_peer
 

@@ -13,23 +13,28 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from foretouch.doctor.finding import Finding, Verdict, percentile
 from foretouch.errors import ForetouchError, PeerVersionError, install_command
 from foretouch.link import Faults, FaultStage, ZenohLink
 from foretouch.messages import SIDES, Hello, Message, Telemetry
+from foretouch.messages.schema import LONGEST_VALUE
 
 DOCTOR_CHANNELS = ("hello", "telemetry")  # Channels that a doctor's link receives
 
 ROLE = "doctor"
 
 PEERS = (*SIDES, ROLE)  # Roles of a peer: the sides of a session, or another doctor
-MOST_ANSWERS = 100_000  # Largest number of messages noted; more were not asked for
+MOST_ANSWERS = 700_000  # Largest number of messages noted; more were not asked for
 
 ASKS, ANSWERS, PRESENT = "asks", "answers", "present"
 """Names of the texts of its `Hello`: a question with its number, the same in an answer, and that it is there."""
+
+FILL, FILLED = "fill", "filled"
+"""Texts that make a question as large as a message of a session, and that say how much of that its answer has."""
 
 RATE = 100.0  # Questions a second [1/s]
 PRESENCE_PERIOD = 0.25  # Period at which a doctor announces itself [s]
@@ -82,6 +87,14 @@ def connect_time(host: str, port: int, timeout: float) -> float:
         return time.perf_counter() - begun
 
 
+EMPTY: Mapping[str, str] = MappingProxyType({})
+
+
+def filling(size: int) -> dict[str, str]:
+    """A text of so many characters at most, which makes a message larger; none for 0."""
+    return {FILL: "." * min(size, LONGEST_VALUE)} if size > 0 else {}
+
+
 class Answerer:
     """Answers the questions of doctors, at once or, with faults on the way back, as a bad network would.
 
@@ -91,9 +104,9 @@ class Answerer:
     def __init__(
         self, open_link: Callable[[Callable[[Message], None]], ZenohLink], faults: Faults | None = None
     ) -> None:
-        self._arrived: deque[tuple[int, str]] = deque(maxlen=10_000)
+        self._arrived: deque[tuple[int, tuple[str, str]]] = deque(maxlen=10_000)
         self._wakes = threading.Event()
-        self._stage: FaultStage[str] = FaultStage(Faults() if faults is None else faults)
+        self._stage: FaultStage[tuple[str, str]] = FaultStage(Faults() if faults is None else faults)
         self._sent = 0
         self.answered = 0
         self._link = open_link(self._take)
@@ -101,7 +114,7 @@ class Answerer:
     def _take(self, message: Message) -> None:
         question = _text(message, ASKS)
         if question:
-            self._arrived.append((time.monotonic_ns(), question))
+            self._arrived.append((time.monotonic_ns(), (question, _text(message, FILLED))))
             self._wakes.set()
 
     def run(self, ended: Callable[[], bool]) -> None:
@@ -115,23 +128,23 @@ class Answerer:
             while self._arrived:
                 self._stage.push(*self._arrived.popleft())
                 taken += 1
-            for question in self._stage.pop_due(time.monotonic_ns()):
-                self._say(ANSWERS, question)
+            for question, filled in self._stage.pop_due(time.monotonic_ns()):
+                self._say(ANSWERS, question, filling(int(filled)) if filled.isdecimal() else {})
                 self.answered += 1
             held = self.answered + self._stage.dropped < taken + self._stage.duplicated
             self._wakes.wait(2e-4 if held else 0.1)
             self._wakes.clear()
 
-    def _say(self, name: str, value: str) -> None:
+    def _say(self, name: str, value: str, fill: Mapping[str, str] = EMPTY) -> None:
         self._sent += 1
-        self._link.publish(Hello.of(ROLE, self._sent, time.monotonic_ns(), {name: value}))
+        self._link.publish(Hello.of(ROLE, self._sent, time.monotonic_ns(), {name: value, **fill}))
 
     def close(self) -> None:
         """Leave the network."""
         self._link.close()
 
 
-class _Received:
+class Received:
     """What arrives, noted on the link's thread: each by one operation that cannot be interrupted."""
 
     def __init__(self) -> None:
@@ -153,6 +166,24 @@ class _Received:
             if asker == self.own and number not in self.answers and len(self.answers) < MOST_ANSWERS:
                 self.answers[number] = now
 
+    def meet(self, link: ZenohLink, patience: float) -> bool:
+        """Wait for a hello, for at most so long [s], and for those of others; whether one came.
+
+        A PeerVersionError says that the peer speaks another version.
+        """
+        wait(lambda: bool(self.roles) or link.other_version(PEERS) is not None, patience)
+        if (error := link.other_version(PEERS)) is not None:
+            raise error
+        if self.roles:
+            wait(lambda: False, SETTLING)
+        return bool(self.roles)
+
+    def ask(self, link: ZenohLink, number: int, texts: Mapping[str, str] = EMPTY) -> int:
+        """Send the question of this number, with further texts; when that was [ns]."""
+        now = time.monotonic_ns()
+        link.publish(Hello.of(ROLE, number, now, {ASKS: f"{self.own}/{number}", **texts}))
+        return now
+
 
 def ask(
     open_link: Callable[[Callable[[Message], None]], ZenohLink], seconds: float, *, patience: float = 3.0
@@ -162,23 +193,18 @@ def ask(
     `open_link` opens the link, given what is to be called with each message. A PeerVersionError says that the peer
     speaks another version.
     """
-    received = _Received()
+    received = Received()
     with open_link(received.take) as link:
-        _wait(lambda: bool(received.roles) or link.other_version(PEERS) is not None, patience)
-        if (error := link.other_version(PEERS)) is not None:
-            raise error
-        if not received.roles:
+        if not received.meet(link, patience):
             return RoundTrips()
-        _wait(lambda: False, SETTLING)
         if not received.present or received.roles - {ROLE}:
             return listen_in(received.telemetry, frozenset(received.roles), seconds)
         sent: dict[str, int] = {}  # when each question was sent [ns], by its number
         begun = time.monotonic()
         for number in range(1, max(1, round(seconds * RATE)) + 1):
             time.sleep(max(0.0, begun + number / RATE - time.monotonic()))
-            sent[str(number)] = now = time.monotonic_ns()
-            link.publish(Hello.of(ROLE, number, now, {ASKS: f"{received.own}/{number}"}))
-        _wait(lambda: len(received.answers) >= len(sent), LAST_PATIENCE)
+            sent[str(number)] = received.ask(link, number)
+        wait(lambda: len(received.answers) >= len(sent), LAST_PATIENCE)
     answers = dict(received.answers)
     times = tuple(1e-9 * (answers[name] - asked) for name, asked in sent.items() if name in answers)
     return RoundTrips(frozenset(received.roles), len(sent), times)
@@ -200,7 +226,8 @@ def listen_in(telemetry: deque[tuple[int, int, int]], roles: frozenset[str], sec
     return RoundTrips(roles, received=len(numbers), lost=lost, longest_gap=max(gaps, default=math.nan))
 
 
-def _wait(done: Callable[[], bool], patience: float) -> None:
+def wait(done: Callable[[], bool], patience: float) -> None:
+    """Wait until this is so, for at most so long [s]."""
     end = time.monotonic() + patience
     while not done() and time.monotonic() < end:
         time.sleep(0.005)

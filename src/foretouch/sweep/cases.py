@@ -93,7 +93,15 @@ class Case:
         return shlex.join(words)
 
 
-def draw_case(number: int, *, seed: int = 0, duration: float = 30.0, robot: str = SIMULATED, network: str = "") -> Case:
+def draw_case(
+    number: int,
+    *,
+    seed: int = 0,
+    duration: float = 30.0,
+    robot: str = SIMULATED,
+    network: str = "",
+    budget: float = 0.0,
+) -> Case:
     r"""The session with this number.
 
     Round trip, model rate, network, material and grip are spread evenly over any run of numbers by an additive
@@ -105,7 +113,7 @@ def draw_case(number: int, *, seed: int = 0, duration: float = 30.0, robot: str 
     logarithm from 10 ms to 5 s. Where it is long the session is too, by 4 round trips: knowledge of a surface takes
     that long to arrive. Number and seed are 0 or more, the duration [s] is 2 or more, of which whole milliseconds are
     taken; an argument out of range is a SettingError. Another robot changes nothing else of the session; a named
-    network takes the place of delay and faults, and each session begins somewhere in it.
+    network takes the place of delay and faults, and each session begins somewhere in it. A budget changes nothing else.
 
     References:
         The recurrence: Roberts (2018), The unreasonable effectiveness of quasirandom sequences.
@@ -132,6 +140,8 @@ def draw_case(number: int, *, seed: int = 0, duration: float = 30.0, robot: str 
         options = {name: value for name, value in options.items() if name not in FAULTS}
         start = round(network_trace(network).length * random.uniform(), 3)
         options |= {"position_delay": 0.0, "force_delay": 0.0, "network": network, "network_start": start}
+    if budget:
+        options |= {"budget": budget}
     return Case(number, lasting, network or faults, options)
 
 

@@ -20,7 +20,7 @@ from foretouch.errors import InputError, SettingError, UnknownNameError
 from foretouch.errors.checks import require
 from foretouch.link import network_trace
 from foretouch.robot import read_arm
-from foretouch.settings import ARMS, BASELINES, SIMULATED, is_arm, is_simulated
+from foretouch.settings import ARMS, BASELINES, LEAST_BUDGET, SIMULATED, is_arm, is_simulated
 from foretouch.sweep.cases import Case, baseline_numbers, draw_case
 from foretouch.sweep.outcome import Outcome, failed, run_case
 
@@ -53,6 +53,7 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     duration_s: float  # duration of sessions without delay [s]
     robot: str = SIMULATED  # of all sessions
     network: str = ""  # likewise
+    budget: float = 0.0  # likewise
 
 
 @functools.cache
@@ -77,7 +78,8 @@ class Store:
     def __init__(self, folder: str | Path, plan: Plan) -> None:
         self.path = Path(folder) / FILE_NAME
         # It is, or will be, in the first line.
-        self.header = Header(__version__, code_digest(), plan.seed, plan.duration, plan.robot, plan.network)
+        kinds = plan.robot, plan.network, plan.budget
+        self.header = Header(__version__, code_digest(), plan.seed, plan.duration, *kinds)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             if self.path.exists():
@@ -90,6 +92,7 @@ class Store:
         if header != self.header:
             differs = f"was made with --seed {header.seed} --duration {header.duration_s:g} --robot {header.robot}"
             differs += f" --network {header.network}" * bool(header.network)
+            differs += f" --budget {header.budget:g}" * bool(header.budget)
             if (header.version, header.code) != (self.header.version, self.header.code):
                 differs = "was made by other code, whose sessions are not comparable"
             raise InputError(f"{self.path}: {differs}; give another --out, or remove the file")
@@ -147,6 +150,7 @@ class Plan:
         robot: Simulated robot of all sessions.
         network: Network of all sessions in the place of delays and faults that are drawn: a name, or a file; "" for
             none.
+        budget: Bytes a second that each side of a session may send; 0 for all messages as they are.
 
     Raises:
         SettingError: A number out of range, a robot that is not simulated, or a file that is no network's.
@@ -161,6 +165,7 @@ class Plan:
     seed: int = 0
     robot: str = SIMULATED
     network: str = ""
+    budget: float = 0.0
 
     def __post_init__(self) -> None:
         require("sessions", self.sessions, at_least=1)
@@ -172,12 +177,14 @@ class Plan:
             raise SettingError("robot", self.robot, rule)
         if self.network:
             network_trace(self.network)
+        if self.budget:
+            require("budget", self.budget, at_least=LEAST_BUDGET)
         if is_arm(self.robot):
             read_arm(self.robot)  # one line here, and not one in each session
 
     def cases(self) -> list[Case]:
         """All sessions; a baseline's follow ours of the same number, so that a partial sweep can be compared."""
-        same: Any = {"seed": self.seed, "duration": self.duration, "robot": self.robot, "network": self.network}
+        same: Any = {name: getattr(self, name) for name in ("seed", "duration", "robot", "network", "budget")}
         ours = [draw_case(number, **same) for number in range(self.sessions)]
         both = set(baseline_numbers(ours, self.baselines))
         return [
@@ -275,6 +282,6 @@ def replay_session(folder: str | Path, number: int, *, baseline: str = "none") -
     if stored is None:
         of = "" if baseline == "none" else f" with the baseline {baseline}"
         raise InputError(f"{Path(folder) / FILE_NAME}: has no session {number}{of}, but {len(rows)} others")
-    same: Any = {"seed": header.seed, "duration": header.duration_s, "robot": header.robot, "network": header.network}
-    case = draw_case(number, **same).rendering(baseline)
+    same: Any = {name: getattr(header, name) for name in ("seed", "robot", "network", "budget")}
+    case = draw_case(number, duration=header.duration_s, **same).rendering(baseline)
     return Replayed(stored, run_case(case), header.code == code_digest())

@@ -27,6 +27,7 @@ from foretouch.messages import (
     decode,
     encode,
 )
+from foretouch.session import SessionSettings
 from foretouch.session.thin import FollowerEnd, LeaderEnd, end_of
 from foretouch.session.thin.ends import EMERGENCY, HELLO_NS
 from foretouch.session.thin.outbox import PARITY, PIECE, Outbox
@@ -327,6 +328,6 @@ def test_a_hello_beyond_all_bounds_stops_nothing() -> None:
 
 
 def test_there_is_no_end_without_a_budget() -> None:
-    assert end_of("leader", 0.0) is None
-    assert isinstance(end_of("leader", 1000.0), LeaderEnd)
-    assert isinstance(end_of("follower", 1000.0), FollowerEnd)
+    assert end_of("leader", SessionSettings()) is None
+    assert isinstance(end_of("leader", SessionSettings(budget=1000.0)), LeaderEnd)
+    assert isinstance(end_of("follower", SessionSettings(budget=1000.0)), FollowerEnd)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from foretouch.cli.commands.networks import answer_questions
 from foretouch.cli.options import Answer, Duration, Endpoints, command, open_link, require_duration, say
 from foretouch.cli.progress import compile_first, progress_bar
 from foretouch.errors import ForetouchError, LinkError, SettingError
@@ -132,15 +132,22 @@ def doctor(
     move: Annotated[
         float, typer.Option(help="How far a real robot may go out and back, in free air [mm]; 0: not.")
     ] = 0.0,
+    network: Annotated[
+        str,
+        typer.Option(
+            help="A network, of `foretouch network list` or a file of its delays, that a session is simulated over."
+        ),
+    ] = "",
     duration: Duration = None,
     json_output: bool,
 ) -> Answer:
     """Is this machine fit for a session, and the way to another? Each check with a verdict and what mends it.
 
     With --robot and --device what is connected is looked at, at rest: rate, noise, drift, steps; with --move a robot
-    goes out and back, for latency, sign and frame. With --connect a peer is asked too: a `foretouch doctor --listen`
-    there answers, and a session that runs there is listened to. With --listen nothing is checked: it answers until
-    Ctrl-C, or for --duration. Exit code 1 where something is bad.
+    goes out and back, for latency, sign and frame. With --network it says how a session over one would feel. With
+    --connect a peer is asked too: a `foretouch doctor --listen` there answers, and a session that runs there is
+    listened to. With --listen nothing is checked: it answers until Ctrl-C, or for --duration. Exit code 1 where
+    something is bad.
 
     Example: foretouch doctor --connect tcp/127.0.0.1:7447 --seconds 5
     """
@@ -152,10 +159,10 @@ def doctor(
     if move and not robot:
         raise SettingError("move", move, "is of a robot: add --robot NAME")
     if endpoints.listen:
-        _refuse("--listen", {"--robot": bool(robot), "--device": bool(device)})
+        _refuse("--listen", {"--robot": bool(robot), "--device": bool(device), "--network": bool(network)})
         if endpoints.connect:
             raise LinkError("give --listen on one machine and --connect on the other")
-        return _answer(endpoints, duration)
+        return answer_questions(endpoints, duration)
     from foretouch.doctor import Verdict, examine, render_findings, worst
 
     ways = tuple(_way(endpoints, each) for each in endpoints.connect or ())
@@ -168,6 +175,7 @@ def doctor(
                 arm=robot if is_arm(robot) else "",
                 machines=tuple(_connected(robot, device)),
                 move=1e-3 * move,
+                network=network,
                 say=lambda what: bar.update(0.0, None, what),
             )
         )
@@ -214,18 +222,3 @@ def _way(endpoints: Endpoints, endpoint: str) -> tuple[str, str, int, Callable[[
     host, _, port = endpoint.partition("/")[2].rpartition(":")
     one = replace(endpoints, connect=[endpoint])
     return endpoint, host.strip("[]"), int(port), lambda watch: open_link("doctor", one, DOCTOR_CHANNELS, watch)
-
-
-def _answer(endpoints: Endpoints, duration: float | None) -> Answer:
-    from foretouch.doctor.network import DOCTOR_CHANNELS, Answerer
-
-    end = None if duration is None else time.monotonic() + duration
-    answerer = Answerer(lambda watch: open_link("doctor", endpoints, DOCTOR_CHANNELS, watch))
-    say(f"doctor: answers on {endpoints}; Ctrl-C ends it")
-    try:
-        answerer.run(lambda: end is not None and time.monotonic() >= end)
-    except KeyboardInterrupt:  # the usual end
-        pass
-    finally:
-        answerer.close()
-    return Answer({"answered": answerer.answered}, f"{answerer.answered} questions answered")

@@ -118,7 +118,7 @@ def leader(
     stop = StopFlag().on_signals()
     prepare(settings, stop, say, parent)  # while the follower does the same
     with open_link("leader", endpoints, side_channels("leader", settings)) as link:
-        end = end_of("leader", settings.budget)
+        end = end_of("leader", settings)
         join_thin(link, end)
         if parent is None:
             say("leader: waiting for a follower" + (" that has a --budget, too" if end is not None else ""))

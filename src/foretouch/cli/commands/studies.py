@@ -163,15 +163,18 @@ class Sessions:
             "session begins somewhere in it."
         ),
     ] = ""
+    budget: Annotated[
+        float, typer.Option(help="Bytes that each side of a session may send in a second; 0 for all messages.")
+    ] = 0.0
 
     def plan(self, quick: bool) -> Plan:
         """What is run, or a dozen short sessions."""
         from foretouch.sweep import Plan
 
         if quick:
-            return Plan(12, 2, 4.0, self.seed, self.robot, self.network)
+            return Plan(12, 2, 4.0, self.seed, self.robot, self.network, self.budget)
         compared = min(100, self.sessions) if self.baselines is None else self.baselines
-        return Plan(self.sessions, compared, self.duration, self.seed, self.robot, self.network)
+        return Plan(self.sessions, compared, self.duration, self.seed, self.robot, self.network, self.budget)
 
 
 @command(which=Sessions, workers=Workers)

@@ -21,7 +21,8 @@ ONE_CLOCK_NS = 5_000_000
 """Two clocks that the fastest command shows no further apart than this, and the jitter, are one [ns]."""
 
 OVER_NETWORK_NS = 1_000_000_000
-"""The same over a network with delays of its own, more; clocks of two machines count from when each was started [ns]."""
+"""How much further over a network with delays of its own [ns]. Clocks of two machines are further apart: each counts
+from when its machine was started."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -123,7 +123,7 @@ class DrivenFollower(Driven):
     delay = "position_delay"
 
     def __init__(self, robot: Any, settings: SessionSettings, run: int, probe: ProbeInSpace | None = None) -> None:
-        super().__init__(settings.command_faults, end_of("follower", settings.budget))
+        super().__init__(settings.command_faults, end_of("follower", settings))
         self._robot = framed_robot(robot, settings.follower_frame)
         self.state = follower.start(self._robot.specification, settings, run=run, probe=probe)
         if rule := misfit(self._robot, self.state, settings):
@@ -247,7 +247,7 @@ class DrivenLeader(Driven):
     def __init__(
         self, operator: Any, settings: SessionSettings, holder: str, epoch: int, hand: HandInSpace | None = None
     ) -> None:
-        super().__init__(settings.return_faults, end_of("leader", settings.budget))
+        super().__init__(settings.return_faults, end_of("leader", settings))
         device = felt_device(operator, settings)
         self.state = _start_of(settings)(settings, holder=holder, epoch=epoch, device=device, hand=hand)
         self._operator = framed_device(operator, settings.leader_frame)

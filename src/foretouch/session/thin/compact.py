@@ -111,6 +111,17 @@ SHARES = _at("shares").start
 OF_LAW = np.r_[PARAMETERS:AT_MAP, _at("law_surface"), _at("law_speed"), _at("law_reached")]
 """Numbers that no force depends on while the law has no weight."""
 
+GROUPS = (
+    OF_LAW,
+    np.r_[_at("shares")],
+    np.r_[_at("touch"), _at("touch_way"), _at("touch_force")],
+    np.r_[_at("pull"), _at("catch"), _at("hold")],
+    np.r_[_at("zero")],
+    np.r_[_at("felt")],
+    np.r_[_at("lowest")],
+)
+"""Numbers of a map's header that stay together as they were, where nobody feels it."""
+
 IDLE = np.full(COUNT, 0.5)
 """Steps within which a number stays as it was. To dither between two steps costs bits; but what a map's own rules
 compare with another number is rounded to the nearest."""
@@ -143,6 +154,16 @@ def _mark_needed(steps: Steps, grids: Numbers, maps: NDArray[np.void], needed: N
         needed[LAW + k] = 0
 
 
+@compiled
+def drop_unneeded(steps: Steps, base: Steps, grids: Numbers, maps: NDArray[np.void]) -> None:
+    """Let the steps be those of the base that are not written. The map is written."""
+    needed = scratch(np.int8, SIZE)
+    _mark_needed(steps, grids, maps, needed)
+    for k in range(HEADER, SIZE):
+        if needed[k] == 0:
+            steps[AT_MAP + k] = base[AT_MAP + k]
+
+
 @kernel("(f8[::1], f8[:, ::1], i8[::1], i8[::1], Map[::1], b1)")
 def settle(numbers: Numbers, grids: Numbers, base: Steps, steps: Steps, maps: NDArray[np.void], errors: bool) -> None:
     """Write the steps of a model's numbers, shape (COUNT,): those of the base where a number is not needed, or idle.
@@ -164,11 +185,7 @@ def settle(numbers: Numbers, grids: Numbers, base: Steps, steps: Steps, maps: ND
     if steps[SHARES] == 0 and maps.size > 0 and not errors:
         for k in OF_LAW:
             steps[k] = base[k]
-    needed = scratch(np.int8, SIZE)
-    _mark_needed(steps, grids, maps, needed)
-    for k in range(HEADER, SIZE):
-        if needed[k] == 0:
-            steps[AT_MAP + k] = base[AT_MAP + k]
+    drop_unneeded(steps, base, grids, maps)
     if not errors:
         for k in range(AT_ERRORS, COUNT):
             steps[k] = base[k]
@@ -289,6 +306,7 @@ MEMORY = ((9, "near"), (0, "side"), (2, "far"), (2, "short"), (3, "middle"), (4,
 SPREADS = np.array([spread for spread, _ in (*HEAD, *MEMORY)])
 AT_PARTS = 1 + (HEADS + len(SPREADS)) * CONTEXTS  # Contexts for whether a part has changed
 AT_SCALARS = AT_PARTS + len(PARTS)  # Contexts for whether each number of the first part is zero
+SMOOTH = (3, 4, 5, 6)  # Kinds whose differences are much like that of the number before
 SHIFTS = 7  # Most bits, less one, by which the differences of a part are shorter
 
 
@@ -306,20 +324,28 @@ def _chances() -> Steps:
 
 
 FIRST = {
-    1: ((50, 50, 50), (50, 50), (90, 82, 83, 83, 80, 78, 69, 63, 56)),
-    2: ((76, 56, 30), (67, 61), (99, 97, 94, 91, 82, 57, 45)),
-    3: ((59, 27, 10), (19, 85), (83, 72, 65, 63, 65, 39)),
-    4: ((58, 27, 13), (26, 82), (85, 77, 67, 55, 49, 39)),
-    5: ((84, 39, 8), (11, 94), (86, 80, 74, 70, 58, 31)),
-    6: ((80, 28, 12), (21, 90), (89, 82, 72, 69, 68, 64)),
+    1: ((50, 50, 50), (31, 52), (98, 87, 84, 84, 80, 78, 69, 70, 61, 48)),
+    2: ((72, 51, 33), (65, 57), (63, 56, 40, 40, 59, 34)),
+    3: ((56, 36, 20), (44, 51), (56, 53, 58, 57, 55, 47, 57, 26)),
+    4: ((60, 39, 28), (50, 46), (40, 40, 38, 33, 25, 20)),
+    5: ((76, 49, 29), (49, 51), (36, 37, 45, 37, 48, 24)),
+    6: ((81, 49, 16), (44, 55), (40, 36, 37, 38, 52, 20)),
     7: ((90, 70, 50), (50, 50), (70,)),
-    8: ((37, 57, 45), (10, 50), (97,)),
+    8: ((38, 58, 44), (8, 50), (98, 98, 98, 95, 97, 98, 98, 50, 2)),
+    9: ((45, 50, 50), (50, 50), (55,)),
+    10: ((65, 50, 50), (50, 50), (70,)),
+    11: ((97, 50, 50), (50, 50), (50,)),
+    12: ((1, 50, 50), (1, 50), (98, 40, 50)),
+    13: ((85, 50, 50), (50, 50), (50,)),
+    14: ((50, 50, 50), (50, 50), (50,)),
+    15: ((90, 50, 50), (50, 50), (50,)),
+    16: ((40, 50, 50), (50, 50), (60,)),
 }
 """Percent of zeros by neighbours, of negative ones by the last sign, and of a further bit by those before, by kind."""
-FIRST_OF_PARTS = (90, 30, 79, 43, 60, 62, 53, 58, 62, 6, 35, 13, 2, 2)
+FIRST_OF_PARTS = (80, 35, 74, 49, 57, 61, 50, 57, 60, 7, 33, 15, 2, 3)
 FIRST_OF_SCALARS = (
-    *(92, 67, 67, 68, 71, 98, 98, 92, 98, 50, 50, 50, 50, 73, 88, 89),
-    *(85, 74, 60, 60, 94, 70, 50, 77, 84, 81, 86, 91, 98, 98, 98),
+    *(92, 71, 71, 71, 73, 98, 98, 92, 98, 50, 50, 50, 50, 74, 84, 87),
+    *(82, 67, 50, 55, 93, 68, 50, 82, 78, 79, 80, 87, 98, 98, 97),
 )
 ALL_CHANCES = _chances()
 
@@ -363,7 +389,7 @@ def _code_part(c: Coder, data: Bytes, part: int, base: Steps, steps: Steps, need
         shift = _bits(c, data, 3, shift)
     shift = shift if part else 0
     first, last = 1 + kind * CONTEXTS, 0
-    before = second = 0
+    before = second = former = 0
     for k in range(begin, end):
         if changed == 0 or (AT_MAP <= k < AT_SPACE and needed[k - AT_MAP] == 0):
             if c.reads:
@@ -371,9 +397,10 @@ def _code_part(c: Coder, data: Bytes, part: int, base: Steps, steps: Steps, need
             continue
         beside = before + (1 if row and steps[k - row] != base[k - row] else 0 if row else second)
         zero = first + beside if part else AT_SCALARS + k
-        value = _number(c, data, first, zero, last, _shorter(steps[k] - base[k], shift))
+        value = _number(c, data, first, zero, last, _shorter(steps[k] - base[k], shift) - former)
         if c.reads:
-            steps[k] = min(max(base[k] + (value << shift), -LAST_STEP), LAST_STEP)
+            steps[k] = min(max(base[k] + ((value + former) << shift), -LAST_STEP), LAST_STEP)
+        former = value + former if kind in SMOOTH else 0
         second, before = before, 1 if value else 0
         last = (1 if value < 0 else 0) if value else last
 

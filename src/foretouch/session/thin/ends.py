@@ -12,8 +12,9 @@ from collections.abc import Callable, Iterable
 from typing import Any, ClassVar, Generic, TypeVar
 
 from foretouch.errors import DecodeError, PeerVersionError, printable
-from foretouch.link import SequenceCounter
+from foretouch.link import SequenceCounter, network_trace
 from foretouch.messages import (
+    COUNT_PREFIX,
     VERSION,
     Command,
     EmergencyStop,
@@ -39,6 +40,7 @@ LONGEST_WORD, LARGEST_PRESS = 12, (1 << 63) - 1  # Bytes of its reason, and its 
 ENVELOPE = 10  # Bytes of a packet around its content
 HELD_UP = 0.02  # Time that one packet may take, by the budget, so that a stop waits no longer for the one before it [s]
 SHARE = 0.7  # Part of the budget that lines may take beyond what is due, so that models come through
+NEVER_NS = 2**62  # Time since what never was [ns]
 HELLO_NS = 10_000_000_000  # Time between two hellos of the same texts [ns]
 
 NAMES = ("stop", "model", "field", "hello")  # Of what goes in pieces, the most urgent first
@@ -52,6 +54,9 @@ class End(ABC, Generic[Said, Heard]):
 
     Args:
         budget: Bytes a second that it may send.
+        says: How its messages are said.
+        hears: How the other end's are.
+        spacing: Shortest time between two packets, where the network takes no more of them [s].
 
     Attributes:
         deliver: Takes what is heard and is no message for the side's step.
@@ -66,13 +71,14 @@ class End(ABC, Generic[Said, Heard]):
     other: ClassVar[str]  # role of the other side
     takes: ClassVar[dict[str, type[Message]]] = {"stop": Stop, "hello": Hello}  # what comes in pieces, by name
 
-    def __init__(self, budget: float, says: Kind[Said], hears: Kind[Heard]) -> None:
+    def __init__(self, budget: float, says: Kind[Said], hears: Kind[Heard], spacing: float) -> None:
         self.deliver: Callable[[Message], None] = _nobody
         self.sent = self.packets = 0
         self.arrived = SequenceCounter()
         self._saying, self._hearing = Saying(says), Hearing(hears)
         self._rate = budget * 1e-9
-        self._longest = max(round(budget * HELD_UP), 36)
+        self._longest = max(round(budget * max(HELD_UP, spacing)), 36)
+        self._spacing_ns, self._packet_ns = round(spacing * 1e9), -NEVER_NS
         self._outbox, self._inbox = Outbox(NAMES, self._longest), Inbox(NAMES)
         self._allowance = self._for_lines = 0.0
         self._before_ns = -1
@@ -91,10 +97,10 @@ class End(ABC, Generic[Said, Heard]):
 
     def _offer_hello(self, hello: Hello) -> None:
         """A hello that says something new, or the first for long."""
-        texts = {name: text for name, text in hello.texts.items() if not name.startswith("count_")}
+        texts = {name: text for name, text in hello.texts.items() if not name.startswith(COUNT_PREFIX)}
         if texts != self._texts or hello.time_ns - self._hello_ns >= HELLO_NS:
             self._texts, self._hello_ns = texts, hello.time_ns
-            self._outbox.put("hello", encode(hello))
+            self._outbox.put("hello", encode(Hello.of(hello.role, hello.sequence, hello.time_ns, texts)))
 
     def counts(self) -> dict[str, int]:
         """What this end sent, by name."""
@@ -110,13 +116,13 @@ class End(ABC, Generic[Said, Heard]):
                 self._offer_of_step(message, now_ns)
         elapsed = now_ns - self._before_ns if self._before_ns >= 0 else 0
         self._before_ns = now_ns
-        gained = (
-            max(elapsed, 0) * self._rate
-        )  # what is not sent now is not sent later: nothing may queue up before a stop
-        self._allowance = min(self._allowance + gained, 0.0)
-        self._for_lines = min(self._for_lines + SHARE * gained, 0.0)
-        content = self._content()
+        # What is not sent now may be sent later, as far as a packet: more would queue up before a stop.
+        gained, most = max(elapsed, 0) * self._rate, float(self._longest)
+        self._allowance = min(self._allowance + gained, most)
+        self._for_lines = min(self._for_lines + SHARE * gained, SHARE * most)
+        content = self._content() if now_ns - self._packet_ns >= self._spacing_ns else b""
         if content:
+            self._packet_ns = now_ns
             self.packets += 1
             packet = self.packet(VERSION, self.packets, 0, content)  # type: ignore[call-arg]
             self.sent += len(content) + ENVELOPE
@@ -214,8 +220,8 @@ class LeaderEnd(End[Command, Telemetry]):
     tick, packet, from_other, other = Command, LeaderPacket, "back", "follower"
     takes: ClassVar[dict[str, type[Message]]] = End.takes | {"field": FieldUpdate}
 
-    def __init__(self, budget: float) -> None:
-        super().__init__(budget, Commands(), Seen())
+    def __init__(self, budget: float, spacing: float = 0.0) -> None:
+        super().__init__(budget, Commands(), Seen(), spacing)
         self._models = ModelsHeard()
 
     def heard(self, packets: Iterable[Message], now_ns: int) -> list[Message]:
@@ -240,8 +246,8 @@ class FollowerEnd(End[Telemetry, Command]):
 
     tick, packet, from_other, other = Telemetry, FollowerPacket, "forth", "leader"
 
-    def __init__(self, budget: float) -> None:
-        super().__init__(budget, Seen(), Commands())
+    def __init__(self, budget: float, spacing: float = 0.0) -> None:
+        super().__init__(budget, Seen(), Commands(), spacing)
         self._models = ModelsSaid()
 
     def _offer_of_step(self, message: Message, now_ns: int) -> None:
@@ -260,6 +266,10 @@ class FollowerEnd(End[Telemetry, Command]):
 ENDS: dict[str, Any] = {"leader": LeaderEnd, "follower": FollowerEnd}
 
 
-def end_of(side: str, budget: float) -> LeaderEnd | FollowerEnd | None:
-    """The end of a side, "leader" or "follower"; None without a budget."""
-    return ENDS[side](budget) if budget else None
+def end_of(side: str, settings: Any) -> LeaderEnd | FollowerEnd | None:
+    """The end of a side, "leader" or "follower", by the settings of the session; None without a budget."""
+    if not settings.budget:
+        return None
+    spacing = network_trace(settings.network).spacing if settings.network else 0.0
+    made: LeaderEnd | FollowerEnd = ENDS[side](settings.budget, spacing)
+    return made

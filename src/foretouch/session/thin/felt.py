@@ -19,7 +19,7 @@ from foretouch.models import ContactMapModel, ContactModel, make_model
 from foretouch.models.contact_map.layout import MEMORY, PLAYS, SIZE, Map
 from foretouch.models.law_kernel import Law, advance, form_of
 from foretouch.models.predictor_kernel import copy
-from foretouch.session.thin.compact import AT_MAP, AT_SPACE, OF_LAW, PARTS, value_of, write_map
+from foretouch.session.thin.compact import AT_MAP, AT_SPACE, GROUPS, PARTS, drop_unneeded, value_of, write_map
 
 JND_SHARE, JND_FORCE = 0.1, 0.05
 """Just noticeable difference of force: a part of the force, and at least this [N], as reports have it."""
@@ -189,6 +189,8 @@ SHORTER = (62, 5, 4, 3, 2, 1)
 """Bits by which the differences of a part are shortened where nobody feels it: all of them, or some."""
 
 MOST_OF_A_PART = 64
+MAP_IN_LAW = Law.layout.fields["map"][1] // 8  # type: ignore[index]
+ALL_GROUPS, GROUP_ENDS = np.concatenate(GROUPS), np.cumsum([0, *map(len, GROUPS)])
 
 
 @inlined
@@ -198,7 +200,7 @@ def rounded(value: int, bits: int) -> int:
 
 
 @compiled
-def _spare_law(
+def _spare_header(
     steps: NDArray[np.int64],
     base: NDArray[np.int64],
     grids: NDArray[np.float64],
@@ -209,20 +211,24 @@ def _spare_law(
     wanted: NDArray[np.float64],
     limit: float,
 ) -> None:
-    """The same for the numbers of the law in a map."""
-    flat, numbers, kept = maps.view(np.float64), others.view(np.float64)[MAP_IN_LAW:], scratch(np.int64, LAWS_NUMBERS)
-    for k in range(LAWS_NUMBERS):
-        kept[k], steps[OF_LAW[k]] = steps[OF_LAW[k]], base[OF_LAW[k]]
-    write_map(steps, grids, maps)
-    copy(flat, numbers)
-    if not _is_near(others[0], seen, touches, wanted, limit):
-        for k in range(LAWS_NUMBERS):
-            steps[OF_LAW[k]] = kept[k]
+    """The same for groups of numbers of the header."""
+    numbers, kept = others.view(np.float64)[MAP_IN_LAW:], scratch(np.int64, MOST_OF_A_PART)
+    for group in range(len(GROUP_ENDS) - 1):
+        begin, end, changed = GROUP_ENDS[group], GROUP_ENDS[group + 1], False
+        for k in range(begin, end):
+            at = ALL_GROUPS[k]
+            changed = changed or steps[at] != base[at]
+            kept[k - begin], steps[at] = steps[at], base[at]
+        if not changed:
+            continue
         write_map(steps, grids, maps)
-
-
-LAWS_NUMBERS = len(OF_LAW)
-MAP_IN_LAW = Law.layout.fields["map"][1] // 8  # type: ignore[index]
+        copy(maps.view(np.float64), numbers)
+        fits = maps[0].lowest <= maps[0].reached and maps[0].hold <= maps[0].catch
+        if not (fits and _is_near(others[0], seen, touches, wanted, limit)):
+            for k in range(begin, end):
+                steps[ALL_GROUPS[k]] = kept[k - begin]
+    drop_unneeded(steps, base, grids, maps)
+    copy(maps.view(np.float64), numbers)
 
 
 @kernel("(i8[::1], i8[::1], f8[:, ::1], Law[::1], f8, f8, Law[::1], Map[::1], Touches, f8)")
@@ -256,9 +262,8 @@ def spare(
     for point in range(POINTS):
         wanted[point] = _force(laws[0], surface, touches, point) if touches.known[point] != 0 else 0.0
     others[0].kind = laws[0].kind
-    _spare_law(steps, base, grids, seen, others, maps, touches, wanted, limit)
-    numbers, flat = others.view(np.float64)[MAP_IN_LAW:], maps.view(np.float64)
-    copy(flat, numbers)
+    _spare_header(steps, base, grids, seen, others, maps, touches, wanted, limit)
+    numbers = others.view(np.float64)[MAP_IN_LAW:]
     for part in range(len(PARTS) - 1, 0, -1):
         begin, end = PARTS[part, 0], PARTS[part, 1]
         if begin >= AT_SPACE:

@@ -32,7 +32,7 @@ PART = 0.5
 UNFELT = 0.15
 """Change of force by rounding, at most, in the same unit, where the material was touched."""
 
-BYTE_RATE, LARGEST_BURST = 130.0, 2300.0
+BYTE_RATE, LARGEST_BURST = 135.0, 2350.0
 """Bytes a second of models in the long run, and bytes that a new material may take beside them. What is left of these
 decides how large a change is said: below a half of them, up to `COSTLY` times as large a one."""
 COSTLY = 4.0
@@ -46,8 +46,9 @@ PHRASES = ("", "nothing has been touched yet", *(status.value for status in Stat
 """Reasons that say nothing new: of them the number crosses."""
 OTHER = len(PHRASES)  # Number of a reason that is none of them, and crosses as a text
 
-PLAIN, WHOLE, DIFFERENCE, TEXTS = 0, 1, 2, 4
-"""First byte of a message: what it is; and whether texts follow, before the numbers."""
+PLAIN, WHOLE, DIFFERENCE, TEXTS, SALT = 0, 1, 2, 4, 8
+"""First byte of a message: what it is; and whether texts follow, before the numbers. What is above that only makes the
+message another one."""
 
 NO_MEMORY, MEMORIES, UNTOUCHED = range(3)  # State of a model: empty, of as many numbers, or all not a number
 
@@ -78,7 +79,7 @@ class Texts(NamedTuple):
 NO_TEXTS = Texts()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Kept:
     """A model that crossed, as both ends know it."""
 
@@ -257,7 +258,7 @@ def _start(base: Kept, law: str) -> NDArray[np.int64]:
     return base.steps if base.texts.law == law else NOTHING.steps
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Sent:
     """A model that was sent: as both ends know it, and what the leader renders from it."""
 
@@ -387,7 +388,7 @@ class ModelsSaid:
         numbers = self._form.write([*heads, reason, *memory], start, steps, is_map)
         if not numbers:
             return None
-        data = head + numbers
+        data = self._named(head + numbers)
         time_ns = update.time_ns if base is NOTHING else base.time_ns + (heads[1] + USUAL_MS * heads[0]) * MILLISECOND
         kept = Kept(_tag_of(data), update.sequence, time_ns, update.command_sequence, texts, reason, steps)
         seen = self._form.update_of(kept, update.state)
@@ -403,9 +404,16 @@ class ModelsSaid:
         base = self._base
         if base is None or self._whole or base.kept.texts.run != update.run:
             return NOTHING
-        newest = list(self._sent.values())[-BASES:]
-        alike = [sent for sent in newest if sent.kept.tag == base.kept.tag]
-        return base.kept if alike == [base] else NOTHING
+        return base.kept if base in list(self._sent.values())[-BASES:] else NOTHING
+
+    def _named(self, data: bytes) -> bytes:
+        """The message with a first byte by which its tag is none of the others'."""
+        taken = {sent.kept.tag for sent in self._sent.values()}
+        for salt in range(0, 256, SALT):
+            salted = bytes([data[0] + salt]) + data[1:]
+            if _tag_of(salted) not in taken:
+                return salted
+        return data
 
     def _keep(self, kept: Kept, size: int, seen: ModelUpdate, law: NDArray[np.void], now_ns: int) -> None:
         """Remember what was sent."""
@@ -478,7 +486,7 @@ class ModelsHeard:
             update = decode(data[1:], ModelUpdate)
             self._keep(Kept(_tag_of(data), update.sequence, 0, 0, NO_TEXTS, 0, NOTHING.steps), update.run)
             return update
-        kind, told, at = data[0] & ~TEXTS, [], 1
+        kind, told, at = data[0] % TEXTS, [], 1
         if kind not in (WHOLE, DIFFERENCE):
             return None
         base = NOTHING
