@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import sys
 from typing import Any
 
 import numpy as np
@@ -106,7 +107,11 @@ def test_an_emergency_stop_is_heard_within_sixty_milliseconds_beside_all_else(we
     """Over a serial link of the budget's rate, in simulated time; what it takes, in milliseconds."""
     delay = 30
     links = SerialLink(2000.0, delay * MS), SerialLink(2000.0, delay * MS)
-    both, draw, took = BothEnds(2000.0, links, **(WEIGHTS[weight] | {"holder": "somebody@a-machine"})), random.Random(1), []
+    both, draw, took = (
+        BothEnds(2000.0, links, **(WEIGHTS[weight] | {"holder": "somebody@a-machine"})),
+        random.Random(1),
+        [],
+    )
     both.run(300)
     for press in range(1, trials + 1):
         both.run(draw.randint(60, 160))
@@ -120,7 +125,9 @@ def test_an_emergency_stop_is_heard_within_sixty_milliseconds_beside_all_else(we
         took.append(both.tick - asked - delay)
     parts = np.quantile(took, (0.5, 0.9, 0.99, 1.0))
     queues = tuple(round(1e3 * link.longest_queue) for link in links)
-    print(f"{weight}: 50, 90, 99, 100 % of stops within {parts} ms beyond the delay; longest queues {queues} ms")
+    sys.stdout.write(
+        f"{weight}: 50, 90, 99, 100 % of stops within {parts} ms beyond the delay; longest queues {queues} ms\n"
+    )
     assert parts[2] <= 60.0
 
 
@@ -182,7 +189,9 @@ def hostile(side: int, draw: random.Random) -> bytes:
         case 0:
             return draw.randbytes(draw.randint(0, 300))
         case 1:
-            return bytes((draw.choice((CONTEXT, LINES, PIECE, PARITY, EMERGENCY)),)) + draw.randbytes(draw.randint(0, 40))
+            return bytes((draw.choice((CONTEXT, LINES, PIECE, PARITY, EMERGENCY)),)) + draw.randbytes(
+                draw.randint(0, 40)
+            )
         case 2:
             return mutated(draw.choice(PACKETS[side]).content, draw)
         case _:
@@ -194,7 +203,9 @@ def hostile(side: int, draw: random.Random) -> bytes:
 def test_hostile_bytes_raise_nothing_and_nothing_comes_of_them_that_is_no_message(seed: int, follower: bool) -> None:
     draw = random.Random(seed)
     end: Any = FollowerEnd(2000.0) if follower else LeaderEnd(2000.0)
-    packet, wanted = (LeaderPacket, (Command,)) if follower else (FollowerPacket, (Telemetry, "ModelUpdate", FieldUpdate))
+    packet, wanted = (
+        (LeaderPacket, (Command,)) if follower else (FollowerPacket, (Telemetry, "ModelUpdate", FieldUpdate))
+    )
     out: list[Message] = []
     end.deliver = out.append
     for tick in range(1, 400):

@@ -136,7 +136,9 @@ def test_what_lacks_two_pieces_is_counted_when_the_next_begins() -> None:
 def test_hostile_pieces_raise_nothing_and_fill_nothing(pieces: list[bytes], seed: int) -> None:
     draw, inbox = random.Random(seed), Inbox(NAMES)
     for piece in pieces:
-        head = bytes((draw.choice((PIECE, PARITY)), draw.randint(0, 4), *(draw.choice((0, 1, 2, 3, 255)) for _ in range(4))))
+        head = bytes(
+            (draw.choice((PIECE, PARITY)), draw.randint(0, 4), *(draw.choice((0, 1, 2, 3, 255)) for _ in range(4)))
+        )
         end, _, _ = inbox.take(head + piece, 0)
         assert end == -1 or PIECE_HEAD <= end <= len(head) + len(piece)
     kept = [known for _, _, known in inbox._begun.values() if known]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 from typing import Any
@@ -47,8 +48,9 @@ def require_alike(out: Any, into: Any, *, counts: bool = False) -> None:
         if bound is None:
             assert mine == theirs, name
         elif theirs is not None:
-            pairs = flat(msgspec.structs.astuple(mine) if name == "space" else mine), flat(
-                msgspec.structs.astuple(theirs) if name == "space" else theirs
+            pairs = (
+                flat(msgspec.structs.astuple(mine) if name == "space" else mine),
+                flat(msgspec.structs.astuple(theirs) if name == "space" else theirs),
             )
             for one, other in zip(*pairs, strict=True):
                 assert math.isnan(other) or abs(one - other) < SMOOTHED * bound, name
@@ -73,7 +75,7 @@ def test_a_flag_or_a_status_is_told_in_its_tick(kind: str) -> None:
     direction = Direction(kind)
     changed = {"guarded": True} if kind == "commands" else {"status": 6}
     for tick in range(1, 200):
-        other = changed if tick >= 150 else {name: 0 for name in changed}
+        other = changed if tick >= 150 else dict.fromkeys(changed, 0)
         message = direction.message_at(200, **other)
         message = msgspec.structs.replace(message, sequence=tick, time_ns=tick * MS)
         direction.say(message, tick)
@@ -263,7 +265,7 @@ def test_a_context_is_said_again_every_second_and_where_it_changes() -> None:
             if record[0] == CONTEXT:
                 ticks.append(tick)
     assert ticks[:3] == [1, 2, 3]
-    assert max(second - first for first, second in zip(ticks, ticks[1:], strict=False)) <= CONTEXT_PERIOD + 1
+    assert max(second - first for first, second in itertools.pairwise(ticks)) <= CONTEXT_PERIOD + 1
     assert {2500, 2501, 2502} <= set(ticks)
 
 

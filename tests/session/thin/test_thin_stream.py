@@ -123,7 +123,6 @@ def test_a_fast_hand_speaks_before_its_receiver_must_stop() -> None:
     assert SOON in urgencies
 
 
-
 @given(data=st.data(), kind=st.sampled_from(MOTIONS), seed=seeds, loss=st.floats(0.0, 0.9))
 def test_no_network_makes_a_number_that_is_not_finite_or_a_tick_that_goes_back(
     data: st.DataObject, kind: str, seed: int, loss: float
@@ -231,7 +230,11 @@ def digest() -> str:
     result = hashlib.sha256()
     for index, kind in enumerate(MOTIONS):
         draw = random.Random(index)
-        pair = LinePair((POSITION, PLACE, FORCE), 1, offered=lambda tick, draw=draw: [tick + draw.randint(0, 9)][: draw.random() < 0.8])
+        pair = LinePair(
+            (POSITION, PLACE, FORCE),
+            1,
+            offered=lambda tick, draw=draw: [tick + draw.randint(0, 9)][: draw.random() < 0.8],
+        )
         path = motion(kind, index, 600)
         for now in range(1, 600):
             pair.say(now, (path[now], 2.0 * path[now], 100.0 * path[now]))
@@ -242,7 +245,10 @@ def digest() -> str:
 
 def test_interpreted_and_compiled_give_the_same_bits() -> None:
     code = "import test_thin_stream; print(test_thin_stream.digest())"
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join((str(Path(__file__).parent), *sys.path))}
+    environment = os.environ | {
+        "NUMBA_DISABLE_JIT": "1",
+        "PYTHONPATH": os.pathsep.join((str(Path(__file__).parent), *sys.path)),
+    }
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == digest()

@@ -64,7 +64,10 @@ def telemetry_at(tick: int, *, space: bool = False, **changes: Any) -> Telemetry
     return Telemetry(VERSION, tick, tick * MS, **(fields | changes))
 
 
-KINDS: dict[str, tuple[Any, Callable[..., Any]]] = {"commands": (Commands, command_at), "telemetry": (Seen, telemetry_at)}
+KINDS: dict[str, tuple[Any, Callable[..., Any]]] = {
+    "commands": (Commands, command_at),
+    "telemetry": (Seen, telemetry_at),
+}
 
 
 @dataclass
