@@ -115,7 +115,6 @@ GROUPS = (
     OF_LAW,
     np.r_[_at("shares")],
     np.r_[_at("touch"), _at("touch_way"), _at("touch_force")],
-    np.r_[_at("pull"), _at("catch"), _at("hold")],
     np.r_[_at("zero")],
     np.r_[_at("felt")],
     np.r_[_at("lowest")],

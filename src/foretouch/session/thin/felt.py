@@ -39,7 +39,15 @@ SIDES = 3  # Points of a recent touch: in the middle of the inner play, and near
 WITHIN = 0.97  # Of its radius: the ends themselves lie on a grid of counts, where models have their edges
 AT_DEPTHS = SIDES * RECENT
 AT_HORIZONS = AT_DEPTHS + 2 * DEPTHS
-POINTS = AT_HORIZONS + len(HORIZONS)
+AT_EDGE = AT_HORIZONS + len(HORIZONS)
+
+EDGE = 1e-3 * np.array([-2.0, -1.4, -1.0, -0.6, -0.4, -0.2, -0.1, -0.05, -0.02, 0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8])
+"""Distances from where the material was touched first [m] at which rounding is looked at, inwards and outwards; beside
+them, in so many even steps, the depth that was visited, and the free air."""
+INSIDE, IN_AIR = 8, 4
+AIR_SPEED, PART_OF_SPEED = 0.02, 0.4  # Speed there [m/s], and the part of the largest speed in contact elsewhere
+
+POINTS = AT_EDGE + 2 * (len(EDGE) + INSIDE) + IN_AIR
 
 NO_TIME = 1e-9  # Time in which no average moves [s]
 
@@ -84,7 +92,7 @@ def _noticed(first: float, second: float) -> float:
 @kernel("(Law[::1], f8, Touches)")
 def remember(laws: NDArray[np.void], surface: float, touches: Touches) -> None:
     """The leader has this law from now on."""
-    for point in range(POINTS):
+    for point in range(AT_EDGE):
         if touches.known[point] != 0:
             touches.forces[point] = _force(laws[0], surface, touches, point)
 
@@ -93,7 +101,7 @@ def remember(laws: NDArray[np.void], surface: float, touches: Touches) -> None:
 def gap(laws: NDArray[np.void], surface: float, touches: Touches) -> float:
     """The largest difference of a law to that which the leader has, in just noticeable differences."""
     largest = 0.0
-    for point in range(POINTS):
+    for point in range(AT_EDGE):
         if touches.known[point] != 0:
             largest = max(largest, _noticed(_force(laws[0], surface, touches, point), touches.forces[point]))
     return largest
@@ -103,7 +111,7 @@ def gap(laws: NDArray[np.void], surface: float, touches: Touches) -> float:
 def apart(laws: NDArray[np.void], surface: float, others: NDArray[np.void], other: float, touches: Touches) -> float:
     """The largest difference between two laws with their surfaces [m], in just noticeable differences."""
     largest = 0.0
-    for point in range(POINTS):
+    for point in range(AT_EDGE):
         if touches.known[point] != 0:
             force = _force(laws[0], surface, touches, point)
             largest = max(largest, _noticed(force, _force(others[0], other, touches, point)))
@@ -174,6 +182,35 @@ def touch(
         _note(touches, point, state, zero, away, HORIZONS[index])
         touches.velocities[point] = velocity
         touches.forces[point] = _force(formers[0], former, touches, point)
+
+
+@compiled
+def _place(touches: Touches, point: int, zero: float, position: float, velocity: float, average: float) -> None:
+    """Write a point where the probe moves with this velocity, and has been at this mean depth [m from the origin]."""
+    back = 0.0 if velocity == 0.0 else math.copysign(1.0, velocity)
+    memory = touches.memories[point]
+    memory[0], memory[1] = zero + position - back * PLAYS[0], zero + position - back * PLAYS[1]
+    memory[2] = memory[3] = memory[4] = zero + max(average, 0.0)
+    memory[5] = 0.0 if velocity > 0.0 else 1.0
+    touches.positions[point], touches.velocities[point] = zero + position, velocity
+    touches.aheads[point], touches.known[point] = NO_TIME, 1
+
+
+@compiled
+def _place_all(law: Law, surface: float, touches: Touches) -> None:
+    """Write the points at the edge, inside and in the air, of what a map knows of them."""
+    learnt, zero = law.map, surface + law.map.origin
+    speed, point = PART_OF_SPEED * max(learnt.law_speed, AIR_SPEED), AT_EDGE
+    deepest = max(learnt.reached - learnt.touch, 0.0)
+    for index in range(len(EDGE) + INSIDE):
+        away = EDGE[index] if index < len(EDGE) else (index - len(EDGE) + 1.0) / INSIDE * deepest
+        position = learnt.touch + min(away, deepest)
+        _place(touches, point, zero, position, speed, 0.5 * position)
+        _place(touches, point + 1, zero, position, -speed, 0.5 * (position + learnt.reached))
+        point += 2
+    for index in range(IN_AIR):
+        position = learnt.touch - (index + 1.0) / IN_AIR * max(learnt.touch - learnt.lowest, 0.0)
+        _place(touches, point + index, zero, position, AIR_SPEED, 0.0)
 
 
 @compiled
@@ -259,6 +296,7 @@ def spare(
         limit: Difference that cannot be felt, in just noticeable differences.
     """
     wanted, kept = scratch(np.float64, POINTS), scratch(np.int64, MOST_OF_A_PART)
+    _place_all(laws[0], surface, touches)
     for point in range(POINTS):
         wanted[point] = _force(laws[0], surface, touches, point) if touches.known[point] != 0 else 0.0
     others[0].kind = laws[0].kind
