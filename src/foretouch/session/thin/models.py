@@ -503,7 +503,9 @@ class ModelsHeard:
             at += _LENGTH.size
             told, at = _decode(data[at : at + length], type=list), at + length
         texts, whole = _read_texts(base.texts, told)
-        kept, memory = self._read(data[at:], base, texts, whole if kind == WHOLE else None)
+        if len(whole) != (3 if kind == WHOLE else 0):
+            return None
+        kept, memory = self._read(data[at:], base, texts, whole)
         found = self._form.update_of(Kept(_tag_of(data), *kept), memory)
         if found is None:
             return None
@@ -512,7 +514,7 @@ class ModelsHeard:
         self.wants_whole = self.wants_whole and kind != WHOLE
         return update
 
-    def _read(self, data: bytes, base: Kept, texts: Texts, whole: list[int] | None) -> Any:
+    def _read(self, data: bytes, base: Kept, texts: Texts, whole: list[int]) -> Any:
         """The fields of a `Kept` after its tag, and the state."""
         memories = len(compact.MEMORY) if texts.state == MEMORIES else 0
         heads, steps = self._form.read(data, len(compact.HEAD) + memories, _start(base, texts.law), texts.is_map)
@@ -522,7 +524,7 @@ class ModelsHeard:
         state = _from_memory(heads[len(compact.HEAD) :]) if memories else ()
         if texts.state == UNTOUCHED:
             state = (math.nan,) * MEMORY
-        if whole is None:
+        if not whole:
             passed += USUAL_MS * number
             time_ns = base.time_ns + passed * MILLISECOND
             whole = [base.sequence + number, time_ns, base.command_sequence + commands + passed]
@@ -539,12 +541,14 @@ class ModelsHeard:
 def _read_texts(base: Texts, told: list[Any]) -> tuple[Texts, list[int]]:
     """The texts of a model, and what stands after them: number, time and command of a whole one."""
     mask, *values = told or [0]
+    if type(mask) is not int:
+        raise ValueError("no such texts")
     changed = [name for index, name in enumerate(Texts._fields) if mask >> index & 1]
     named = dict(zip(changed, values, strict=False))
     for name, value in named.items():
         if type(value) is not type(getattr(NO_TEXTS, name)):
             raise ValueError("no such text")
     texts, rest = base._replace(**named), values[len(changed) :]
-    if not _fits(texts) or len(rest) not in (0, 3) or not all(type(value) is int for value in rest):
+    if not _fits(texts) or not all(type(value) is int for value in rest):
         raise ValueError("no such model")
     return texts, rest
