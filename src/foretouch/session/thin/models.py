@@ -62,12 +62,16 @@ PART = 0.5
 UNFELT = 0.15
 """Change of force by rounding, at most, in the same unit, where the material was touched."""
 
-STEADY_RATE, LEARNING_RATE, LEARNING_NS = 140.0, 470.0, 5_000_000_000
+STEADY_RATE, LEARNING_RATE, LEARNING_NS = 140.0, 500.0, 5_000_000_000
 """Bytes a second of models in the long run, and so long after there is a first model, or another material [ns]."""
 
-LARGEST_BURST, COSTLY = 600.0, 4.0
+LARGEST_BURST, COSTLY = 500.0, 4.0
 """Bytes that may be saved up. Where less than a half of them are left, only a larger change is said, up to so many
 times as large: it is better to say much of the next press than everything of the first."""
+
+HURRY_NS = 100_000_000
+"""The sooner after the newest model, the larger is the change that is said: twice as large after this time [ns]. Until
+a model is acknowledged, those after it say again what it said."""
 
 LONGEST_NS = 2_000_000_000  # Longest time between two models [ns]
 PATIENCE = 1.5  # Round trips after which a model that nobody acknowledged is said again
@@ -160,12 +164,14 @@ class ModelsSaid:
             return True
         if self._whole and now_ns - self._whole_ns >= self._trip_ns:
             return True
-        if self._differs(sent, update, law, said):
+        if self._differs(sent, update, law, said, now_ns - sent.sent_ns):
             return True
         late = not sent.acknowledged and now_ns - sent.sent_ns > PATIENCE * self._trip_ns
-        return late and (self._base is None or self._differs(self._base, update, law, said))
+        return late and (self._base is None or self._differs(self._base, update, law, said, now_ns - sent.sent_ns))
 
-    def _differs(self, sent: _Sent, update: ModelUpdate, law: NDArray[np.void], said: tuple[Texts, int] | None) -> bool:
+    def _differs(
+        self, sent: _Sent, update: ModelUpdate, law: NDArray[np.void], said: tuple[Texts, int] | None, since_ns: int
+    ) -> bool:
         """Whether the leader would feel that it renders from a model that was sent in place of this one."""
         if said is not None and is_news(sent.kept.texts, said[0]):
             return True
@@ -175,6 +181,7 @@ class ModelsSaid:
         if not touches.count and abs(update.surface - sent.surface) > SURFACE_CHANGE:
             return True
         part = self._part * COSTLY ** max(1.0 - 2.0 * self._allowance / LARGEST_BURST, 0.0)
+        part *= 1.0 + HURRY_NS / max(since_ns, 1)
         if self._allowance < 0.0:
             return False
         if sent is self._newest:
