@@ -1,8 +1,8 @@
 """Measure the leader and the follower in C, and write it into their page: bits that differ from Python's, and ticks.
 
 Usage: `.venv/bin/python docs/measure_bits.py [interpreted]`; it takes some twelve minutes, and needs gcc, clang,
-qemu-aarch64 and aarch64-linux-gnu-gcc. With `interpreted` it compares with Python in which nothing is compiled, instead,
-which takes most of an hour. Times hold for the machine, and for one that does nothing else meanwhile.
+qemu-aarch64 and aarch64-linux-gnu-gcc. With `interpreted` it compares with Python in which nothing is compiled instead,
+which takes as long. Times hold for the machine, and for one that does nothing else meanwhile.
 """
 
 from __future__ import annotations

@@ -107,7 +107,8 @@ class ThinModels:
 @contextmanager
 def thinned(thin: ThinModels | None, settings: SessionSettings) -> Iterator[None]:
     """Simulated sessions with the ends of a thin link; None for none."""
-    drive_leader, drive_follower = simulated.drive_leader, simulated.drive_follower
+    runner: Any = simulated
+    drive_leader, drive_follower = runner.drive_leader, runner.drive_follower
 
     def leads(*arguments: Any) -> Any:
         made = drive_leader(*arguments)
@@ -121,11 +122,11 @@ def thinned(thin: ThinModels | None, settings: SessionSettings) -> Iterator[None
             thin.around_follower(made)
         return made
 
-    simulated.drive_leader, simulated.drive_follower = leads, follows
+    runner.drive_leader, runner.drive_follower = leads, follows
     try:
         yield
     finally:
-        simulated.drive_leader, simulated.drive_follower = drive_leader, drive_follower
+        runner.drive_leader, runner.drive_follower = drive_leader, drive_follower
 
 
 class Session(NamedTuple):

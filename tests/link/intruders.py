@@ -88,6 +88,7 @@ def say_everything(session: Any) -> None:
         session.put(f"foretouch/{name}", encode(sample(name)))
     for role in ROLES:
         session.put(f"foretouch/hello/{role}", encode(hello_of(role)))
+        session.put(f"foretouch/forth/{role}", encode(sample("forth")))
         session.put(f"foretouch/command/{role}", encode(msgspec.structs.replace(sample("command"), holder=role)))
     session.put("foretouch/command/more", b"x")
     session.put("elsewhere", b"x")

@@ -85,7 +85,7 @@ def test_the_access_list_denies_what_it_does_not_name_and_a_hello_is_under_its_s
     assert all(rule["permission"] == "allow" for rule in rules)
     assert {message for rule in rules for message in rule["messages"]} == {"put", "declare_subscriber"}
     wide = {key for rule in rules for key in rule["key_exprs"] if "*" in key}
-    assert wide == {"foretouch/hello/*", "foretouch/command/*"}
+    assert wide == {"foretouch/hello/*", "foretouch/command/*", "foretouch/forth/*"}
     rules = access_list(ROLES, ["hello"])["rules"]  # type: ignore[assignment]
     ingress = {rule["id"]: rule["key_exprs"] for rule in rules if rule["id"] in ROLES}
     assert ingress == {role: [f"foretouch/hello/{role}"] for role in ROLES}

@@ -15,6 +15,7 @@ from foretouch.messages import SessionLog, Status
 from foretouch.report import pair, session_figures
 from foretouch.report.scene.pose import scene_rows
 from foretouch.session import SessionSettings, recorded_settings, simulate
+from foretouch.session.runners.live import fault_texts
 from foretouch.settings import PAPER_DELAYS
 
 MS = 1_000_000
@@ -118,3 +119,8 @@ def test_both_sides_of_a_scene_over_a_network_have_one_clock() -> None:
     log = simulate(settings, duration=3.0, say=lambda _: None).log
     rows = scene_rows(log, pair(log))
     np.testing.assert_allclose(rows.leader_time, rows.follower_time, atol=1e-9)
+
+
+def test_a_side_says_over_which_network_it_hears() -> None:
+    stage: FaultStage[Any] = FaultStage(SessionSettings(network="low-orbit").return_faults)
+    assert fault_texts(stage, "force_delay", 0, "return_")["return_network"] == "low-orbit"

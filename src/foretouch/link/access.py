@@ -23,10 +23,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import datetime
 
+import msgspec
+
 from foretouch.errors import LinkError
 from foretouch.link.certificates import WARNING_DAYS, Identity, refused, utc_now
 from foretouch.link.key_folder import ROLES, KeyFolder, role_of
-from foretouch.messages import CHANNELS, Command, Hello, Message
+from foretouch.messages import CHANNELS, Command, Hello, LeaderPacket, Message
 
 _FORM = re.compile(r"(?P<kind>tcp|tls)/(?:\[(?P<six>[0-9a-fA-F:.]+)\]|(?P<host>[A-Za-z0-9.-]+)):(?P<port>\d{1,5})")
 
@@ -184,8 +186,8 @@ def load_credentials(
 
 PREFIX = "foretouch/"  # Beginning of every network key
 
-HELLO, COMMAND = "hello", "command"
-NAMED = (HELLO, COMMAND)  # Channels whose keys end, between machines, with the sender's name
+HELLO, COMMAND, FORTH = "hello", "command", "forth"
+NAMED = (HELLO, COMMAND, FORTH)  # Channels whose keys end, between machines, with the sender's name
 
 _SENDERS = {"leader": ("any", "leader"), "follower": ("any", "follower"), "watcher": ("any", "console")}
 
@@ -217,6 +219,11 @@ def may_say(key: str, message: Message) -> bool:
     if isinstance(message, Hello):
         return may_claim(key, message.role)
     return not isinstance(message, Command) or _sender(key) in ("", message.holder)
+
+
+def as_sent(key: str, message: Message) -> Message:
+    """A message that came under a key, with the name of its sender where it has room for one."""
+    return msgspec.structs.replace(message, sender=_sender(key)) if isinstance(message, LeaderPacket) else message
 
 
 def may_claim(key: str, role: str) -> bool:

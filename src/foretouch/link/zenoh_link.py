@@ -20,6 +20,7 @@ from foretouch.errors import DecodeError, LinkError, MissingExtraError, PeerVers
 from foretouch.link.access import (
     Credentials,
     access_list,
+    as_sent,
     check_endpoint,
     check_port_free,
     is_encrypted,
@@ -156,6 +157,7 @@ class ZenohLink:
             else:
                 if isinstance(message, Hello):
                     self._greeted.add(message.role)
+                message = as_sent(key, message)
                 if self._watch is None:
                     self.dropped += len(inbox) == inbox.maxlen
                     inbox.append((arrival, message))

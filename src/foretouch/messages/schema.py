@@ -277,9 +277,12 @@ class LeaderPacket(Message, frozen=True, array_like=True, gc=False):
 
     Attributes:
         content: One record behind another; `time_ns` is 0.
+        sender: Name of the certificate that sent it, which the link of the receiver puts in: "" on the network, and
+            where there are no certificates.
     """
 
     content: Content
+    sender: Name = ""
 
 
 class FollowerPacket(Message, frozen=True, array_like=True, gc=False):

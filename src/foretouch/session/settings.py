@@ -10,7 +10,7 @@ from numbers import Integral
 
 from foretouch.devices import GRIPS, HARDWARE_OPERATORS, OPERATORS, DeviceSpecification
 from foretouch.devices.device import COUNT_FORCE, LEAST_DAMPING
-from foretouch.errors import ArgumentTypeError, SettingError, UnknownNameError
+from foretouch.errors import ArgumentTypeError, InputError, SettingError, UnknownNameError
 from foretouch.errors.checks import NUMBER, require
 from foretouch.identification import DEFAULT_ESTIMATORS, ESTIMATORS, ContactMap, Estimator, make_estimator
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
@@ -336,5 +336,5 @@ def with_faults(settings: SessionSettings, faults: Settings) -> SessionSettings:
     names = ("position_delay", "force_delay", "jitter", "loss", "outage")
     try:
         return replace(settings, **{name: getattr(faults, name) for name in names})
-    except SettingError:
+    except InputError:
         return settings

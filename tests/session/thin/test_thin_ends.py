@@ -6,6 +6,7 @@ import random
 import sys
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -32,7 +33,7 @@ from foretouch.session.thin import FollowerEnd, LeaderEnd, end_of
 from foretouch.session.thin.ends import EMERGENCY, HELLO_NS
 from foretouch.session.thin.outbox import PARITY, PIECE, Outbox
 from foretouch.session.thin.sides import CONTEXT, LINES
-from foretouch.session.thin.stream import LONGEST_GAP
+from foretouch.session.thin.stream import LONGEST_GAP, REACH
 
 SECONDS = 6
 WEIGHTS: dict[str, dict[str, Any]] = {
@@ -331,3 +332,20 @@ def test_there_is_no_end_without_a_budget() -> None:
     assert end_of("leader", SessionSettings()) is None
     assert isinstance(end_of("leader", SessionSettings(budget=1000.0)), LeaderEnd)
     assert isinstance(end_of("follower", SessionSettings(budget=1000.0)), FollowerEnd)
+
+
+def test_a_packet_counts_for_the_certificate_that_sent_it_alone() -> None:
+    said, heard = LeaderEnd(4000.0), FollowerEnd(4000.0)
+    came: dict[str, int] = {}
+    for tick in range(1, 400):
+        now_ns = tick * 1_000_000
+        command = Command(VERSION, tick, now_ns, 0.001 * tick, 0, False, "leader.anna", 7)
+        packets = [one for one in said.said([command], now_ns) if isinstance(one, LeaderPacket)]
+        sender = "leader.anna" if tick < 200 else "leader.bob"
+        packets = [msgspec.structs.replace(one, sender=sender) for one in packets]
+        for message in heard.heard(packets, now_ns):
+            came[sender] = came.get(sender, 0) + 1
+            assert isinstance(message, Command)
+            assert message.sequence <= 200 + REACH
+    assert came["leader.anna"] > 150
+    assert came["leader.bob"] <= REACH  # the lines of before go on for a while

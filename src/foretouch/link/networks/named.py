@@ -195,5 +195,5 @@ def network_trace(name: str) -> NetworkTrace:
     if name in NETWORK_NAMES:
         return _named(name)
     if not any(sign in name for sign in "./\\") and not Path(name).exists():
-        raise UnknownNameError("network", name, (*NETWORK_NAMES, "FILE"))
+        raise UnknownNameError("network", name, NETWORK_NAMES)
     return read_trace(name)

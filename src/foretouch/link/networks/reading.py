@@ -23,7 +23,7 @@ ONE_WAYS = ("one_way", "one_way_delay", "owd")
 LONGEST_ROUND_TRIP = 60.0  # Delays beyond this [s] are refused: they are in other units
 LONGEST_GAP = 1.0  # Longest time between two messages [s] of a trace in which something came all the time
 USUAL_GAPS = 5.0  # How many times the usual time between two messages a gap has at least, where they are rare
-MOST_BYTES = 200_000_000  # Size of a larger file: a day at 1 kHz is longer than any session needs
+MOST_BYTES = 100_000_000  # Largest size of a file: an hour at 1 kHz
 
 
 class _Columns(NamedTuple):

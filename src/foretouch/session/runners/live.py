@@ -138,16 +138,15 @@ def as_texts(counts: dict[str, int]) -> dict[str, str]:
     return {COUNT_PREFIX + name: str(value) for name, value in counts.items()}
 
 
-TOLD_FAULTS = ("jitter", "loss", "outage", "network")  # What a side's hello says of them
-
-
 def fault_texts(stage: FaultStage[Any], delay: str, changed_ns: int, prefix: str = "") -> dict[str, str]:
     """Faults that a side applies to arriving messages, as settings of its `Hello`; no other side knows them.
 
     `delay` names the setting of their delay, `changed_ns` is their last change by the side's own clock, 0 for never,
     and `prefix` stands before the other names: ``"return_"`` for those of models and telemetry.
     """
-    faults = {f"{prefix}{name}": str(getattr(stage.faults, name)) for name in TOLD_FAULTS}
+    faults = {f"{prefix}{name}": str(getattr(stage.faults, name)) for name in ("jitter", "loss", "outage")}
+    if stage.faults.network:
+        faults[f"{prefix}network"] = stage.faults.network
     return {delay: str(stage.delay)} | faults | ({SINCE: str(changed_ns)} if changed_ns else {})
 
 

@@ -1,26 +1,23 @@
-"""A model as few numbers: each on a grid as fine as can be felt, and bits for what changed since another model.
+"""A model as whole numbers: each number on a grid as fine as can be felt.
 
-Every number of a model becomes an integer, with even steps up to one unit and even ratios from there on. Both ends keep
-those integers of the models that crossed, so that no rounding adds up, and what is written is the difference to one of
-them. Most differences are zero, and a binary arithmetic coder with adaptive chances writes a zero in a part of a bit.
+There are even steps up to one unit, and even ratios from there on. Both ends keep the steps of the models that crossed,
+and what is written is the difference to one of them (`foretouch.session.thin.coding`), so that no rounding adds up.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core import Record, compiled, kernel
+from foretouch.core import compiled, kernel
 from foretouch.core.compiling import inlined, scratch
 from foretouch.models.contact_map.layout import COARSE, FINE, HEADER, SIZE, Map
 from foretouch.models.contact_map.wire import mark
 
 Numbers = NDArray[np.float64]
 Steps = NDArray[np.int64]
-Bytes = NDArray[np.uint8]
 
 PARAMETERS, MOST_PARAMETERS = 1, 6  # Where the parameters begin, after the surface, and their largest number
 AT_MAP = PARAMETERS + MOST_PARAMETERS
@@ -58,9 +55,9 @@ def _grids(parameters: tuple[tuple[float, int], ...]) -> Numbers:
     """Unit, and steps in it, of each number, shape (COUNT, 2)."""
     grids = [FINE_LENGTH, *parameters]
     for name in Map.layout.names or ():
-        kind = Map.layout.fields[name][0]  # type: ignore[index]
+        kind: np.dtype[np.void] = Map.layout.fields[name][0]  # type: ignore[index]
         if name in ("coarse", "fine"):
-            ranges, weights = (kind.fields[part][0].itemsize // 8 for part in ("ranges", "weights"))
+            ranges, weights = (kind[part].itemsize // 8 for part in ("ranges", "weights"))
             grids += [_RANGE] * ranges + [FORCE] * weights
         else:
             grids += [_OF_MAP.get(name, LENGTH)] * (kind.itemsize // 8)
@@ -115,7 +112,6 @@ GROUPS = (
     OF_LAW,
     np.r_[_at("shares")],
     np.r_[_at("touch"), _at("touch_way"), _at("touch_force")],
-    np.r_[_at("pull"), _at("catch"), _at("hold")],
     np.r_[_at("zero")],
     np.r_[_at("felt")],
     np.r_[_at("lowest")],
@@ -145,7 +141,7 @@ def write_map(steps: Steps, grids: Numbers, maps: NDArray[np.void]) -> None:
 
 
 @compiled
-def _mark_needed(steps: Steps, grids: Numbers, maps: NDArray[np.void], needed: NDArray[np.int8]) -> None:
+def mark_needed(steps: Steps, grids: Numbers, maps: NDArray[np.void], needed: NDArray[np.int8]) -> None:
     """Mark the numbers of a map that are written: those that a force is computed from, by the steps of its header."""
     write_map(steps, grids, maps)
     mark(maps, needed)
@@ -158,7 +154,7 @@ def _mark_needed(steps: Steps, grids: Numbers, maps: NDArray[np.void], needed: N
 def drop_unneeded(steps: Steps, base: Steps, grids: Numbers, maps: NDArray[np.void]) -> None:
     """Let the steps be those of the base that are not written. The map is written."""
     needed = scratch(np.int8, SIZE)
-    _mark_needed(steps, grids, maps, needed)
+    mark_needed(steps, grids, maps, needed)
     for k in range(HEADER, SIZE):
         if needed[k] == 0:
             steps[AT_MAP + k] = base[AT_MAP + k]
@@ -199,90 +195,6 @@ def unsettle(steps: Steps, grids: Numbers, numbers: Numbers, maps: NDArray[np.vo
     write_map(steps, grids, maps)
 
 
-MOST_CONTEXTS = 400
-
-
-class Coder(Record):
-    """A binary arithmetic coder: what it writes or reads, with the chances that it has learnt so far."""
-
-    reads: bool
-    low: int
-    high: int
-    code: int  # the bits that are read
-    at: int  # bytes so far
-    chances: Annotated[NDArray[Any], int, MOST_CONTEXTS]  # of a bit that is set, in 65,536ths; the first is even for ever
-
-
-WIDTH = 40  # Bits of `low` and `high`
-MASK = 2**WIDTH - 1
-EVEN = 0  # Context of a bit about which nothing is known
-PACE = 5  # A chance goes this power of a half of the way to what came
-LEAST, MOST = 400, 65536 - 400  # Chances
-
-
-@compiled
-def _bit(c: Coder, data: Bytes, context: int, value: int) -> int:
-    """Write or read a bit; beyond the end there are zeros."""
-    chance = c.chances[context]
-    middle = c.low + ((c.high - c.low) >> 16) * chance
-    if c.reads:
-        value = 1 if c.code <= middle else 0
-    if value != 0:
-        c.high = middle
-    else:
-        c.low = middle + 1
-    if context != EVEN:
-        chance += ((value << 16) - chance) >> PACE
-        c.chances[context] = min(max(chance, LEAST), MOST)
-    while (c.low ^ c.high) >> (WIDTH - 8) == 0:
-        if c.reads:
-            c.code = ((c.code << 8) & MASK) | (int(data[c.at]) if c.at < data.size else 0)
-        elif c.at < data.size:
-            data[c.at] = c.high >> (WIDTH - 8)
-        c.at += 1
-        c.low, c.high = (c.low << 8) & MASK, ((c.high << 8) & MASK) | 255
-    return value
-
-
-@compiled
-def _bits(c: Coder, data: Bytes, count: int, value: int) -> int:
-    """So many bits about which nothing is known."""
-    known = 0
-    for k in range(count - 1, -1, -1):
-        known = 2 * known + _bit(c, data, EVEN, (value >> k) & 1)
-    return known
-
-
-LENGTHS = 10  # Contexts for the length of a number
-CONTEXTS = 3 + 2 + LENGTHS
-"""Contexts of a kind of numbers: for whether one is zero, by its neighbours; for its sign, by that of the last; and for
-its length."""
-
-
-@compiled
-def _number(c: Coder, data: Bytes, first: int, zero: int, last: int, value: int) -> int:
-    """A whole number, by the contexts of its kind, and that for whether it is zero."""
-    if _bit(c, data, zero, 1 if value == 0 else 0) != 0:
-        return 0
-    negative = _bit(c, data, first + 3 + last, 1 if value < 0 else 0)
-    size = abs(value)
-    length = 0
-    while length < FARTHEST and _bit(c, data, first + 5 + min(length, LENGTHS - 1), 1 if size >> (length + 1) else 0):
-        length += 1
-    size = (1 << length) | _bits(c, data, length, size & ((1 << length) - 1))
-    return -size if negative else size
-
-
-@compiled
-def _long(c: Coder, data: Bytes, first: int, spread: int, value: int) -> int:
-    """A whole number that mostly has about so many bits."""
-    negative = _bit(c, data, EVEN, 1 if value < 0 else 0)
-    size = abs(value)
-    high = _number(c, data, first, first, 0, size >> spread)
-    size = (abs(high) << spread) | _bits(c, data, spread, size & ((1 << spread) - 1))
-    return -size if negative else size
-
-
 def _parts() -> Steps:
     """Parts of the numbers: begin, end, kind, and distance of the neighbour in the row before; shape (parts, 4)."""
     rows = [(0, AT_MAP + HEADER, 1, 0)]
@@ -300,151 +212,3 @@ def _parts() -> Steps:
 
 
 PARTS = _parts()
-HEADS = 9  # Kind of the numbers of `HEAD`, and of the memory, one each
-HEAD = ((5, "number"), (0, "time [ms], less 20 a number"), (0, "command, less the time"), (0, "reason"))
-MEMORY = ((9, "near"), (0, "side"), (2, "far"), (2, "short"), (3, "middle"), (4, "long"), (0, "stuck"))
-SPREADS = np.array([spread for spread, _ in (*HEAD, *MEMORY)])
-AT_PARTS = 1 + (HEADS + len(SPREADS)) * CONTEXTS  # Contexts for whether a part has changed
-AT_SCALARS = AT_PARTS + len(PARTS)  # Contexts for whether each number of the first part is zero
-SMOOTH = (3, 4, 5, 6)  # Kinds whose differences are much like that of the number before
-SHIFTS = 7  # Most bits, less one, by which the differences of a part are shorter
-
-
-def _chances() -> Steps:
-    """Chances at first, shape (`MOST_CONTEXTS`,): as they are in sessions with simulated materials."""
-    chances = np.full(MOST_CONTEXTS, 0.5)
-    for kind in range(1, HEADS + len(SPREADS)):
-        zeros, signs, lengths = FIRST.get(kind, ((50,) * 3, (50, 50), (50,) * 4))
-        lengths = (*lengths, *(lengths[-1:] * (LENGTHS - len(lengths))))
-        first = 1 + kind * CONTEXTS
-        chances[first : first + CONTEXTS] = 0.01 * np.array([*zeros, *signs, *lengths])
-    chances[AT_PARTS : AT_PARTS + len(PARTS)] = 0.01 * np.array(FIRST_OF_PARTS)
-    chances[AT_SCALARS : AT_SCALARS + len(FIRST_OF_SCALARS)] = 0.01 * np.array(FIRST_OF_SCALARS)
-    return np.clip((65536 * chances).astype(np.int64), LEAST, MOST)
-
-
-FIRST = {
-    1: ((50, 50, 50), (31, 52), (98, 87, 84, 84, 80, 78, 69, 70, 61, 48)),
-    2: ((72, 51, 33), (65, 57), (63, 56, 40, 40, 59, 34)),
-    3: ((56, 36, 20), (44, 51), (56, 53, 58, 57, 55, 47, 57, 26)),
-    4: ((60, 39, 28), (50, 46), (40, 40, 38, 33, 25, 20)),
-    5: ((76, 49, 29), (49, 51), (36, 37, 45, 37, 48, 24)),
-    6: ((81, 49, 16), (44, 55), (40, 36, 37, 38, 52, 20)),
-    7: ((90, 70, 50), (50, 50), (70,)),
-    8: ((38, 58, 44), (8, 50), (98, 98, 98, 95, 97, 98, 98, 50, 2)),
-    9: ((45, 50, 50), (50, 50), (55,)),
-    10: ((65, 50, 50), (50, 50), (70,)),
-    11: ((97, 50, 50), (50, 50), (50,)),
-    12: ((1, 50, 50), (1, 50), (98, 40, 50)),
-    13: ((85, 50, 50), (50, 50), (50,)),
-    14: ((50, 50, 50), (50, 50), (50,)),
-    15: ((90, 50, 50), (50, 50), (50,)),
-    16: ((40, 50, 50), (50, 50), (60,)),
-}
-"""Percent of zeros by neighbours, of negative ones by the last sign, and of a further bit by those before, by kind."""
-FIRST_OF_PARTS = (80, 35, 74, 49, 57, 61, 50, 57, 60, 7, 33, 15, 2, 3)
-FIRST_OF_SCALARS = (
-    *(92, 71, 71, 71, 73, 98, 98, 92, 98, 50, 50, 50, 50, 74, 84, 87),
-    *(82, 67, 50, 55, 93, 68, 50, 82, 78, 79, 80, 87, 98, 98, 97),
-)
-ALL_CHANCES = _chances()
-
-
-@compiled
-def _begin(c: Coder, data: Bytes, reads: bool) -> None:
-    c.reads, c.low, c.high, c.code, c.at = reads, 0, MASK, 0, 0
-    if reads:
-        for _ in range(WIDTH // 8):
-            c.code = (c.code << 8) | (int(data[c.at]) if c.at < data.size else 0)
-            c.at += 1
-    for k in range(c.chances.size):
-        c.chances[k] = ALL_CHANCES[k]
-
-
-@inlined
-def _shorter(value: int, shift: int) -> int:
-    """A difference in units of a power of two, towards zero."""
-    return -(-value >> shift) if value < 0 else value >> shift
-
-
-@compiled
-def _shift_of(base: Steps, steps: Steps, begin: int, end: int) -> int:
-    """By how many bits all differences of a part can be shorter; -1 where there are none."""
-    every = 0
-    for k in range(begin, end):
-        every |= abs(steps[k] - base[k])
-    shift = 0
-    while every and not every & 1 and shift < SHIFTS:
-        every, shift = every >> 1, shift + 1
-    return shift if every else -1
-
-
-@compiled
-def _code_part(c: Coder, data: Bytes, part: int, base: Steps, steps: Steps, needed: NDArray[np.int8]) -> None:
-    """Write or read the numbers of a part."""
-    begin, end, kind, row = PARTS[part]
-    shift = -1 if c.reads else _shift_of(base, steps, begin, end)
-    changed = _bit(c, data, AT_PARTS + part, 1 if shift >= 0 else 0)
-    if changed and part:
-        shift = _bits(c, data, 3, shift)
-    shift = shift if part else 0
-    first, last = 1 + kind * CONTEXTS, 0
-    before = second = former = 0
-    for k in range(begin, end):
-        if changed == 0 or (AT_MAP <= k < AT_SPACE and needed[k - AT_MAP] == 0):
-            if c.reads:
-                steps[k] = base[k]
-            continue
-        beside = before + (1 if row and steps[k - row] != base[k - row] else 0 if row else second)
-        zero = first + beside if part else AT_SCALARS + k
-        value = _number(c, data, first, zero, last, _shorter(steps[k] - base[k], shift) - former)
-        if c.reads:
-            steps[k] = min(max(base[k] + ((value + former) << shift), -LAST_STEP), LAST_STEP)
-        former = value + former if kind in SMOOTH else 0
-        second, before = before, 1 if value else 0
-        last = (1 if value < 0 else 0) if value else last
-
-
-@kernel("i8(Coder, u1[::1], i8[::1], i8[::1], i8[::1], f8[:, ::1], Map[::1], b1, b1)", Map)
-def code(
-    c: Coder,
-    data: Bytes,
-    heads: Steps,
-    base: Steps,
-    steps: Steps,
-    grids: Numbers,
-    maps: NDArray[np.void],
-    is_map: bool,
-    reads: bool,
-) -> int:
-    """Write a model or read one: the number of bytes.
-
-    Args:
-        c: Written.
-        data: Bytes, written or read.
-        heads: Numbers of `HEAD`, then those of `MEMORY` or none.
-        base: Steps of the model that the other end has.
-        steps: Steps of this one; written where it is read.
-        grids: Theirs.
-        maps: An array of one, which is written.
-        is_map: Whether it is a contact map.
-        reads: Whether it is read.
-    """
-    _begin(c, data, reads)
-    for k in range(heads.size):
-        heads[k] = _long(c, data, 1 + (HEADS + k) * CONTEXTS, SPREADS[k], heads[k])
-    needed = scratch(np.int8, SIZE)
-    needed[:] = 0
-    for k in range(HEADER):
-        needed[k] = 1 if is_map else 0
-    needed[SHARES + 1 - AT_MAP] = 0
-    for k in range(4):
-        needed[LAW + k] = 0
-    for part in range(len(PARTS)):
-        _code_part(c, data, part, base, steps, needed)
-        if part == 0 and is_map:
-            _mark_needed(steps, grids, maps, needed)
-    if not reads and c.at < data.size:
-        data[c.at] = (c.low >> (WIDTH - 8)) + 1  # of what lies between low and high, the one of fewest bytes
-        c.at += 1
-    return int(c.at)

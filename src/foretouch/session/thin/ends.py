@@ -164,6 +164,7 @@ class End(ABC, Generic[Said, Heard]):
                 self.arrived.restart()
                 self._inbox.restart()
             self.arrived.is_newest(packet.sequence)
+            self._hearing.sender = getattr(packet, "sender", "")
             self._take(packet.content, due, now_ns)  # type: ignore[attr-defined]
         message = self._hearing.next()
         if message is not None:

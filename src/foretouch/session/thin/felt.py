@@ -12,14 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core import Record, compiled, kernel
-from foretouch.core.compiling import inlined, scratch
 from foretouch.errors import InputError
 from foretouch.messages import ModelUpdate
 from foretouch.models import ContactMapModel, ContactModel, make_model
-from foretouch.models.contact_map.layout import MEMORY, PLAYS, SIZE, Map
+from foretouch.models.contact_map.layout import MEMORY, PLAYS
 from foretouch.models.law_kernel import Law, advance, form_of
-from foretouch.models.predictor_kernel import copy
-from foretouch.session.thin.compact import AT_MAP, AT_SPACE, GROUPS, PARTS, drop_unneeded, value_of, write_map
 
 JND_SHARE, JND_FORCE = 0.1, 0.05
 """Just noticeable difference of force: a part of the force, and at least this [N], as reports have it."""
@@ -39,7 +36,14 @@ SIDES = 3  # Points of a recent touch: in the middle of the inner play, and near
 WITHIN = 0.97  # Of its radius: the ends themselves lie on a grid of counts, where models have their edges
 AT_DEPTHS = SIDES * RECENT
 AT_HORIZONS = AT_DEPTHS + 2 * DEPTHS
-POINTS = AT_HORIZONS + len(HORIZONS)
+AT_EDGE = AT_HORIZONS + len(HORIZONS)
+
+EDGE = 1e-3 * np.array([-2.0, -1.4, -1.0, -0.6, -0.4, -0.2, -0.1, -0.05, -0.02, 0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8])
+"""Distances from where the material was touched first [m] at which rounding is looked at, inwards and outwards; beside
+them, in so many even steps, the depth that was visited, and the free air."""
+INSIDE, IN_AIR = 8, 4
+
+POINTS = AT_EDGE + 2 * (len(EDGE) + INSIDE) + IN_AIR
 
 NO_TIME = 1e-9  # Time in which no average moves [s]
 
@@ -60,7 +64,7 @@ class Touches(Record):
 
 
 @compiled
-def _force(law: Law, surface: float, touches: Touches, point: int) -> float:
+def force_at(law: Law, surface: float, touches: Touches, point: int) -> float:
     """Force of a law with its surface [m] at a point [N]."""
     memory, zero = touches.memories[point], surface + law.map.origin
     before = (
@@ -76,7 +80,7 @@ def _force(law: Law, surface: float, touches: Touches, point: int) -> float:
 
 
 @compiled
-def _noticed(first: float, second: float) -> float:
+def noticed(first: float, second: float) -> float:
     """Difference of two forces, in just noticeable differences."""
     return abs(first - second) / max(JND_FORCE, JND_SHARE * max(abs(first), abs(second)))
 
@@ -84,18 +88,18 @@ def _noticed(first: float, second: float) -> float:
 @kernel("(Law[::1], f8, Touches)")
 def remember(laws: NDArray[np.void], surface: float, touches: Touches) -> None:
     """The leader has this law from now on."""
-    for point in range(POINTS):
+    for point in range(AT_EDGE):
         if touches.known[point] != 0:
-            touches.forces[point] = _force(laws[0], surface, touches, point)
+            touches.forces[point] = force_at(laws[0], surface, touches, point)
 
 
 @kernel("f8(Law[::1], f8, Touches)")
 def gap(laws: NDArray[np.void], surface: float, touches: Touches) -> float:
     """The largest difference of a law to that which the leader has, in just noticeable differences."""
     largest = 0.0
-    for point in range(POINTS):
+    for point in range(AT_EDGE):
         if touches.known[point] != 0:
-            largest = max(largest, _noticed(_force(laws[0], surface, touches, point), touches.forces[point]))
+            largest = max(largest, noticed(force_at(laws[0], surface, touches, point), touches.forces[point]))
     return largest
 
 
@@ -103,10 +107,10 @@ def gap(laws: NDArray[np.void], surface: float, touches: Touches) -> float:
 def apart(laws: NDArray[np.void], surface: float, others: NDArray[np.void], other: float, touches: Touches) -> float:
     """The largest difference between two laws with their surfaces [m], in just noticeable differences."""
     largest = 0.0
-    for point in range(POINTS):
+    for point in range(AT_EDGE):
         if touches.known[point] != 0:
-            force = _force(laws[0], surface, touches, point)
-            largest = max(largest, _noticed(force, _force(others[0], other, touches, point)))
+            force = force_at(laws[0], surface, touches, point)
+            largest = max(largest, noticed(force, force_at(others[0], other, touches, point)))
     return largest
 
 
@@ -155,8 +159,8 @@ def touch(
         point = first + side
         _note(touches, point, state, zero, (side - 1) * WITHIN * PLAYS[0], NO_TIME)
         touches.velocities[point] = velocity
-        felt = max(felt, abs(_force(laws[0], surface, touches, point)))
-        touches.forces[point] = _force(formers[0], former, touches, point)
+        felt = max(felt, abs(force_at(laws[0], surface, touches, point)))
+        touches.forces[point] = force_at(formers[0], former, touches, point)
     if felt < 0.5 * JND_FORCE:
         for side in range(SIDES):
             touches.known[first + side] = 0
@@ -167,117 +171,13 @@ def touch(
     point = AT_DEPTHS + 2 * min(depth, DEPTHS - 1) + (1 if velocity < 0.0 else 0)
     _note(touches, point, state, zero, WITHIN * PLAYS[0] if velocity > 0.0 else -WITHIN * PLAYS[0], NO_TIME)
     touches.velocities[point] = velocity
-    touches.forces[point] = _force(formers[0], former, touches, point)
+    touches.forces[point] = force_at(formers[0], former, touches, point)
     for index in range(len(HORIZONS)):
         point = AT_HORIZONS + index
         away = min(velocity * HORIZONS[index], max(laws[0].map.reached - state[0], 0.0))
         _note(touches, point, state, zero, away, HORIZONS[index])
         touches.velocities[point] = velocity
-        touches.forces[point] = _force(formers[0], former, touches, point)
-
-
-@compiled
-def _is_near(law: Law, surface: float, touches: Touches, forces: NDArray[np.float64], limit: float) -> bool:
-    """Whether a law gives these forces at all points, but for so many just noticeable differences."""
-    for point in range(POINTS - 1, -1, -1):
-        if touches.known[point] != 0 and not _noticed(_force(law, surface, touches, point), forces[point]) <= limit:
-            return False
-    return True
-
-
-SHORTER = (62, 5, 4, 3, 2, 1)
-"""Bits by which the differences of a part are shortened where nobody feels it: all of them, or some."""
-
-MOST_OF_A_PART = 64
-MAP_IN_LAW = Law.layout.fields["map"][1] // 8  # type: ignore[index]
-ALL_GROUPS, GROUP_ENDS = np.concatenate(GROUPS), np.cumsum([0, *map(len, GROUPS)])
-
-
-@inlined
-def rounded(value: int, bits: int) -> int:
-    """The nearest multiple of a power of two."""
-    return ((value + ((1 << bits) >> 1)) >> bits) << bits
-
-
-@compiled
-def _spare_header(
-    steps: NDArray[np.int64],
-    base: NDArray[np.int64],
-    grids: NDArray[np.float64],
-    seen: float,
-    others: NDArray[np.void],
-    maps: NDArray[np.void],
-    touches: Touches,
-    wanted: NDArray[np.float64],
-    limit: float,
-) -> None:
-    """The same for groups of numbers of the header."""
-    numbers, kept = others.view(np.float64)[MAP_IN_LAW:], scratch(np.int64, MOST_OF_A_PART)
-    for group in range(len(GROUP_ENDS) - 1):
-        begin, end, changed = GROUP_ENDS[group], GROUP_ENDS[group + 1], False
-        for k in range(begin, end):
-            at = ALL_GROUPS[k]
-            changed = changed or steps[at] != base[at]
-            kept[k - begin], steps[at] = steps[at], base[at]
-        if not changed:
-            continue
-        write_map(steps, grids, maps)
-        copy(maps.view(np.float64), numbers)
-        fits = maps[0].lowest <= maps[0].reached and maps[0].hold <= maps[0].catch
-        if not (fits and _is_near(others[0], seen, touches, wanted, limit)):
-            for k in range(begin, end):
-                steps[ALL_GROUPS[k]] = kept[k - begin]
-    drop_unneeded(steps, base, grids, maps)
-    copy(maps.view(np.float64), numbers)
-
-
-@kernel("(i8[::1], i8[::1], f8[:, ::1], Law[::1], f8, f8, Law[::1], Map[::1], Touches, f8)")
-def spare(
-    steps: NDArray[np.int64],
-    base: NDArray[np.int64],
-    grids: NDArray[np.float64],
-    laws: NDArray[np.void],
-    surface: float,
-    seen: float,
-    others: NDArray[np.void],
-    maps: NDArray[np.void],
-    touches: Touches,
-    limit: float,
-) -> None:
-    """Let the steps of a contact map be those of the base, part by part, where that cannot be felt.
-
-    Args:
-        steps: Of the map; written.
-        base: Of the model that the other end has.
-        grids: Theirs.
-        laws: An array of one, the map as it is.
-        surface: Its surface [m].
-        seen: Surface as the other end has it [m].
-        others: An array of one, which is written.
-        maps: The same.
-        touches: Points where forces are compared.
-        limit: Difference that cannot be felt, in just noticeable differences.
-    """
-    wanted, kept = scratch(np.float64, POINTS), scratch(np.int64, MOST_OF_A_PART)
-    for point in range(POINTS):
-        wanted[point] = _force(laws[0], surface, touches, point) if touches.known[point] != 0 else 0.0
-    others[0].kind = laws[0].kind
-    _spare_header(steps, base, grids, seen, others, maps, touches, wanted, limit)
-    numbers = others.view(np.float64)[MAP_IN_LAW:]
-    for part in range(len(PARTS) - 1, 0, -1):
-        begin, end = PARTS[part, 0], PARTS[part, 1]
-        if begin >= AT_SPACE:
-            continue
-        for k in range(begin, end):
-            kept[k - begin] = steps[k]
-        for bits in (*SHORTER, 0):
-            changed = False
-            for k in range(begin, end):
-                steps[k] = base[k] + rounded(kept[k - begin] - base[k], bits)
-                numbers[k - AT_MAP] = value_of(steps[k], grids[k, 0], grids[k, 1])
-                changed = changed or steps[k] != kept[k - begin]
-            if not changed or _is_near(others[0], seen, touches, wanted, limit):
-                break
+        touches.forces[point] = force_at(formers[0], former, touches, point)
 
 
 def law_of(update: ModelUpdate) -> tuple[NDArray[np.void], ContactMapModel | None]:

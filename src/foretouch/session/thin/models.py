@@ -8,23 +8,53 @@ the leader is known to render from, or whole.
 from __future__ import annotations
 
 import math
-import re
 import struct
-import zlib
 from collections import OrderedDict
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import ForetouchError
-from foretouch.identification import Status
-from foretouch.messages import VERSION, ModelUpdate, decode, encode
+from foretouch.messages import ModelUpdate, decode, encode
 from foretouch.models import ContactMapModel
-from foretouch.models.contact_map.layout import MEMORY, PLAYS, Map
-from foretouch.session.thin import compact, felt
+from foretouch.models.contact_map.layout import MEMORY
+from foretouch.models.law_kernel import Law
+from foretouch.session.thin import coding, compact, felt
+from foretouch.session.thin.spared import spare
+from foretouch.session.thin.told import (
+    DIFFERENCE,
+    FARTHEST_PLAY,
+    LENGTH,
+    MEMORIES,
+    MILLISECOND,
+    NO_TEXTS,
+    NOTHING,
+    OTHER,
+    PLAIN,
+    SALT,
+    TAG,
+    TEXTS,
+    UNTOUCHED,
+    USUAL_MS,
+    WHOLE,
+    Form,
+    Kept,
+    Texts,
+    calm,
+    decode_texts,
+    head_of,
+    is_news,
+    memory_of_steps,
+    row_of,
+    start_of,
+    steps_of_memory,
+    tag_of,
+    texts_from,
+    texts_of,
+)
 
 PART = 0.5
 """Change of force at which a model is said, as a part of the just noticeable difference."""
@@ -32,230 +62,21 @@ PART = 0.5
 UNFELT = 0.15
 """Change of force by rounding, at most, in the same unit, where the material was touched."""
 
-BYTE_RATE, LARGEST_BURST = 135.0, 2350.0
-"""Bytes a second of models in the long run, and bytes that a new material may take beside them. What is left of these
-decides how large a change is said: below a half of them, up to `COSTLY` times as large a one."""
-COSTLY = 4.0
+STEADY_RATE, LEARNING_RATE, LEARNING_NS = 140.0, 500.0, 5_000_000_000
+"""Bytes a second of models in the long run, and so long after there is a first model, or another material [ns]."""
+
+LARGEST_BURST, COSTLY = 500.0, 4.0
+"""Bytes that may be saved up. Where less than a half of them are left, only a larger change is said, up to so many
+times as large: it is better to say much of the next press than everything of the first."""
+
+HURRY_NS = 100_000_000
+"""The sooner after the newest model, the larger is the change that is said: twice as large after this time [ns]. Until
+a model is acknowledged, those after it say again what it said."""
 
 LONGEST_NS = 2_000_000_000  # Longest time between two models [ns]
 PATIENCE = 1.5  # Round trips after which a model that nobody acknowledged is said again
 SELDOM_NS = 10_000_000_000  # Time between two messages of the numbers that only people look at [ns]
 KEPT, BASES = 64, 48  # Models that both ends keep, and the newest of them that differences refer to
-
-PHRASES = ("", "nothing has been touched yet", *(status.value for status in Status))
-"""Reasons that say nothing new: of them the number crosses."""
-OTHER = len(PHRASES)  # Number of a reason that is none of them, and crosses as a text
-
-PLAIN, WHOLE, DIFFERENCE, TEXTS, SALT = 0, 1, 2, 4, 8
-"""First byte of a message: what it is; and whether texts follow, before the numbers. What is above that only makes the
-message another one."""
-
-NO_MEMORY, MEMORIES, UNTOUCHED = range(3)  # State of a model: empty, of as many numbers, or all not a number
-
-_TAG, _LENGTH = struct.Struct("<H"), struct.Struct("<H")
-_NUMBERS = struct.Struct(f"<{MEMORY}d")
-_encode, _decode = msgspec.msgpack.encode, msgspec.msgpack.decode
-_settle, _unsettle, _code = compact.settle, compact.unsettle, compact.code
-
-
-class Texts(NamedTuple):
-    """What changes seldom: each field crosses where it differs from that of the base."""
-
-    law: str = ""
-    estimator: str = ""
-    reason: str = ""
-    run: int = 0
-    epoch: int = 0
-    valid: bool = False
-    parameters: int = 0
-    state: int = NO_MEMORY
-    is_map: bool = False
-    fixture: int = 0
-    deviation: int = 0
-    friction: int = 0
-    errors: int = 0
-
-
-NO_TEXTS = Texts()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Kept:
-    """A model that crossed, as both ends know it."""
-
-    tag: int
-    sequence: int
-    time_ns: int
-    command_sequence: int
-    texts: Texts
-    reason: int
-    steps: NDArray[np.int64]
-
-
-NOTHING = Kept(0, 0, 0, 0, NO_TEXTS, 0, np.zeros(compact.COUNT, np.int64))
-"""What there is before the first model: a whole one is the difference to it."""
-
-def _said(update: ModelUpdate, is_map: bool) -> tuple[Texts, int] | None:
-    """Texts of a model and the number of its reason; None where it has no such form."""
-    state = NO_MEMORY
-    if update.state:
-        state = UNTOUCHED if all(map(math.isnan, update.state)) else MEMORIES
-    reason = PHRASES.index(update.reason) if update.reason in PHRASES else OTHER
-    texts = Texts(
-        update.law,
-        update.estimator,
-        update.reason if reason == OTHER else "",
-        update.run,
-        update.epoch,
-        update.valid,
-        len(update.parameters),
-        state,
-        is_map,
-        len(update.fixture),
-        len(update.fixture_deviation),
-        len(update.friction),
-        len(update.standard_errors),
-    )
-    fits = _fits(texts) and bool(update.map) == is_map and len(update.state) in (0, MEMORY)
-    return (texts, reason) if fits and math.isfinite(sum(update.state)) != (state == UNTOUCHED) else None
-
-
-def _fits(texts: Texts) -> bool:
-    """Whether the lengths are those of a model's numbers."""
-    most = compact.MOST_PARAMETERS
-    lengths = texts.parameters <= most and texts.errors <= most and texts.friction <= 8 and texts.state <= UNTOUCHED
-    posed = texts.fixture in (0, 6) and texts.deviation in (0, 6)
-    law = (texts.parameters == 4) if texts.is_map else texts.state == NO_MEMORY
-    return lengths and posed and law and min(texts.run, texts.epoch, *texts[6:8], *texts[9:]) >= 0
-
-
-ABSENT, ENDLESS = -1.0, 1e11  # Numbers for a deviation or an age that is not a number, or infinite
-
-
-def _row(update: ModelUpdate, model: ContactMapModel | None) -> NDArray[np.float64] | None:
-    """The numbers of a model, shape (`compact.COUNT`,); None where one is out of every range."""
-    row = np.zeros(compact.COUNT)
-    row[0] = update.surface
-    row[1 : 1 + len(update.parameters)] = update.parameters
-    if model is not None:
-        row[compact.AT_MAP : compact.AT_SPACE] = model.record.view(np.float64)
-    at = compact.AT_SPACE
-    row[at : at + len(update.fixture)] = update.fixture
-    if update.fixture:
-        row[at + 12] = update.fixture_age
-    row[at + 6 : at + 6 + len(update.fixture_deviation)] = update.fixture_deviation
-    row[at + 13 : at + 13 + len(update.friction)] = update.friction
-    row[compact.AT_ERRORS : compact.AT_ERRORS + len(update.standard_errors)] = update.standard_errors
-    seldom = row[at + 6 :]
-    seldom[np.isnan(seldom)] = ABSENT
-    np.clip(seldom, ABSENT, ENDLESS, out=seldom)
-    return row if compact.fits(row, model is not None) else None
-
-
-def _from_row(row: NDArray[np.float64], texts: Texts) -> dict[str, Any]:
-    """Fields of a message of the numbers of a model that are for people or of space."""
-    at = compact.AT_SPACE
-    row = row.copy()
-    seldom = row[at + 6 :]
-    seldom[seldom > 0.5 * ENDLESS] = math.inf
-    seldom[seldom < 0.5 * ABSENT] = math.nan
-    pose, deviation, friction = at + texts.fixture, at + 6 + texts.deviation, at + 13 + texts.friction
-    return {
-        "surface": float(row[0]),
-        "parameters": tuple(row[1 : 1 + texts.parameters].tolist()),
-        "fixture": tuple(row[at:pose].tolist()),
-        "fixture_deviation": tuple(row[at + 6 : deviation].tolist()),
-        "fixture_age": float(row[at + 12]) if texts.fixture else math.inf,
-        "friction": tuple(row[at + 13 : friction].tolist()),
-        "standard_errors": tuple(row[compact.AT_ERRORS : compact.AT_ERRORS + texts.errors].tolist()),
-    }
-
-
-PLAY_STEP, AVERAGE_STEP = 5e-6, 2e-5  # Steps of the memory's plays and averages [m]
-BETWEEN = round((PLAYS[1] - PLAYS[0]) / PLAY_STEP)  # From one play to the other while the probe moves [steps]
-FARTHEST_PLAY = 1e3  # Memory beyond this has no such form [m]
-
-
-def _memory(state: tuple[float, ...]) -> list[int]:
-    """A memory in steps, each from the one before, which is near it."""
-    near, far = round(state[0] / PLAY_STEP), round(state[1] / PLAY_STEP)
-    inside = max(near, 0) * PLAY_STEP
-    short, middle, long = (round((inside - average) / AVERAGE_STEP) for average in state[2:5])
-    return [near, int(far > near), BETWEEN - abs(near - far), short, middle - short, long - middle, round(state[5])]
-
-
-def _from_memory(steps: list[int]) -> tuple[float, ...]:
-    """The reverse of `_memory`."""
-    near, beyond, less, short, middle, long, stuck = steps
-    inside, away = max(near, 0) * PLAY_STEP, BETWEEN - less
-    averages = (inside - step * AVERAGE_STEP for step in (short, short + middle, short + middle + long))
-    return (near * PLAY_STEP, (near + (away if beyond else -away)) * PLAY_STEP, *averages, float(stuck))
-
-
-MILLISECOND = 1_000_000  # [ns]
-USUAL_MS = 20  # From one model to the next, as they are made [ms]
-LARGEST_NUMBERS = 1024  # Bytes of the numbers of a model, at most
-
-
-class _Form:
-    """What both ends need to write and read numbers: room for them."""
-
-    def __init__(self) -> None:
-        self.coder, self.maps = compact.Coder.new(), Map.new()
-        self.room = np.zeros(LARGEST_NUMBERS, np.uint8)
-        for each in (_settle, _unsettle, _code):
-            each.entry  # noqa: B018  # asked for, it is compiled or loaded: nothing of that in the loop
-
-    def write(self, heads: list[int], base: NDArray[np.int64], steps: NDArray[np.int64], is_map: bool) -> bytes:
-        """The bytes of a model's steps; none where they are too many."""
-        asked = np.array(heads, np.int64)
-        arguments = asked, base, steps, compact.grids_of(is_map), self.maps, is_map, False
-        size = _code.entry(self.coder[0], self.room, *arguments)
-        return self.room[:size].tobytes() if size < LARGEST_NUMBERS else b""
-
-    def read(self, data: bytes, count: int, base: NDArray[np.int64], is_map: bool) -> tuple[list[int], NDArray[np.int64]]:
-        """The reverse of `write`, of so many heads."""
-        steps, heads = base.copy(), np.zeros(count, np.int64)
-        arguments = heads, base, steps, compact.grids_of(is_map), self.maps, is_map, True
-        _code.entry(self.coder[0], np.frombuffer(data, np.uint8).copy(), *arguments)
-        return heads.tolist(), steps
-
-    def update_of(self, kept: Kept, memory: tuple[float, ...]) -> ModelUpdate | None:
-        """The message of a model that crossed; None where there is no such model."""
-        texts, row = kept.texts, np.zeros(compact.COUNT)
-        _unsettle.entry(kept.steps, compact.grids_of(texts.is_map), row, self.maps)
-        content = b""
-        if texts.is_map:
-            model = ContactMapModel.of(self.maps)
-            if model is None:
-                return None
-            content = model.map
-        fields = _from_row(row, texts)
-        return ModelUpdate(
-            VERSION,
-            kept.sequence,
-            kept.time_ns,
-            kept.command_sequence,
-            law=texts.law,
-            state=memory,
-            valid=texts.valid,
-            reason=PHRASES[kept.reason] if kept.reason < OTHER else texts.reason,
-            estimator=texts.estimator,
-            map=content,
-            epoch=texts.epoch,
-            run=texts.run,
-            **fields,
-        )
-
-
-def _tag_of(data: bytes) -> int:
-    """By what a later message names this one."""
-    return zlib.crc32(data) & 0xFFFF
-
-
-def _start(base: Kept, law: str) -> NDArray[np.int64]:
-    """Steps that those of a model of this law are differences to."""
-    return base.steps if base.texts.law == law else NOTHING.steps
 
 
 @dataclass(slots=True, eq=False)
@@ -278,18 +99,18 @@ class ModelsSaid:
     """
 
     def __init__(self, part: float = PART) -> None:
-        self._part, self._form = part, _Form()
+        self._part, self._form = part, Form()
         self._sent: OrderedDict[int, _Sent] = OrderedDict()  # the newest by their numbers
         self._newest: _Sent | None = None
         self._base: _Sent | None = None  # the newest that the leader is known to have
-        self._other = felt.Law.new()  # room for a law
+        self._other = Law.new()  # room for a law
         self._touches = felt.Touches.new()
         self._trip_ns = float(LONGEST_NS) / PATIENCE  # until a model is acknowledged
         self._whole, self._whole_ns = True, -LONGEST_NS
         self._seldom_ns = -SELDOM_NS
-        self._allowance, self._allowed_ns = LARGEST_BURST, 0
-        for each in (felt.gap, felt.apart, felt.touch, felt.remember, felt.spare):
-            each.entry  # noqa: B018  # see `_Form`
+        self._allowance, self._allowed_ns, self._learnt_ns = LARGEST_BURST, 0, -LEARNING_NS
+        for each in (felt.gap, felt.apart, felt.touch, felt.remember, spare):
+            each.entry  # noqa: B018  # see `Form`
 
     def ask_whole(self) -> None:
         """The other end lost what differences refer to."""
@@ -310,15 +131,18 @@ class ModelsSaid:
             if self._newest is not None:
                 has = self._newest.law, self._newest.surface
             felt.touch.entry(law, update.surface, update.state, update.time_ns * 1e-9, *has, self._touches[0])
-        said = _said(update, model is not None)
-        self._allowance += BYTE_RATE * 1e-9 * (now_ns - self._allowed_ns)
+        said = texts_of(update, model is not None)
+        rate = LEARNING_RATE if now_ns - self._learnt_ns < LEARNING_NS else STEADY_RATE
+        self._allowance += rate * 1e-9 * (now_ns - self._allowed_ns)
         self._allowance, self._allowed_ns = min(self._allowance, LARGEST_BURST), now_ns
         if not self._is_due(update, law, said, now_ns):
             return None
         data = None if said is None else self._write(update, law, model, *said, now_ns)
         if data is None:
             data = bytes([PLAIN]) + encode(update)
-            self._keep(Kept(_tag_of(data), update.sequence, 0, 0, NO_TEXTS, 0, NOTHING.steps), len(data), update, law, now_ns)
+            self._keep(
+                Kept(tag_of(data), update.sequence, 0, 0, NO_TEXTS, 0, NOTHING.steps), len(data), update, law, now_ns
+            )
         return data
 
     def _note(self, acknowledged: int, now_ns: int) -> None:
@@ -327,30 +151,29 @@ class ModelsSaid:
         if sent is None or sent.acknowledged:
             return
         sent.acknowledged = True
-        self._trip_ns += 0.25 * (now_ns - sent.sent_ns - self._trip_ns) if self._base else now_ns - sent.sent_ns - self._trip_ns
+        self._trip_ns += (
+            0.25 * (now_ns - sent.sent_ns - self._trip_ns) if self._base else now_ns - sent.sent_ns - self._trip_ns
+        )
         if self._base is None or acknowledged > self._base.kept.sequence:
             self._base = sent
 
-    def _is_due(
-        self, update: ModelUpdate, law: NDArray[np.void], said: tuple[Texts, int] | None, now_ns: int
-    ) -> bool:
+    def _is_due(self, update: ModelUpdate, law: NDArray[np.void], said: tuple[Texts, int] | None, now_ns: int) -> bool:
         """Whether a model is to be said now."""
         sent = self._newest
         if sent is None or now_ns - sent.sent_ns >= LONGEST_NS:
             return True
         if self._whole and now_ns - self._whole_ns >= self._trip_ns:
             return True
-        if self._differs(sent, update, law, said):
+        if self._differs(sent, update, law, said, now_ns - sent.sent_ns):
             return True
         late = not sent.acknowledged and now_ns - sent.sent_ns > PATIENCE * self._trip_ns
-        return late and (self._base is None or self._differs(self._base, update, law, said))
+        return late and (self._base is None or self._differs(self._base, update, law, said, now_ns - sent.sent_ns))
 
     def _differs(
-        self, sent: _Sent, update: ModelUpdate, law: NDArray[np.void], said: tuple[Texts, int] | None
+        self, sent: _Sent, update: ModelUpdate, law: NDArray[np.void], said: tuple[Texts, int] | None, since_ns: int
     ) -> bool:
         """Whether the leader would feel that it renders from a model that was sent in place of this one."""
-        if said is not None and _is_news(sent.kept.texts, said[0]):
-            self._allowance = LARGEST_BURST  # another material, or another state of the session, is learnt anew
+        if said is not None and is_news(sent.kept.texts, said[0]):
             return True
         if felt.moved(sent.fixture, update.fixture):
             return True
@@ -358,44 +181,65 @@ class ModelsSaid:
         if not touches.count and abs(update.surface - sent.surface) > SURFACE_CHANGE:
             return True
         part = self._part * COSTLY ** max(1.0 - 2.0 * self._allowance / LARGEST_BURST, 0.0)
+        part *= 1.0 + HURRY_NS / max(since_ns, 1)
         if self._allowance < 0.0:
             return False
         if sent is self._newest:
-            return felt.gap.entry(law, update.surface, touches) > part
-        return felt.apart.entry(law, update.surface, sent.law, sent.surface, touches) > part
+            return bool(felt.gap.entry(law, update.surface, touches) > part)
+        return bool(felt.apart.entry(law, update.surface, sent.law, sent.surface, touches) > part)
 
     def _write(
-        self, update: ModelUpdate, law: NDArray[np.void], model: ContactMapModel | None, texts: Texts, reason: int, now_ns: int
+        self,
+        update: ModelUpdate,
+        law: NDArray[np.void],
+        model: ContactMapModel | None,
+        texts: Texts,
+        reason: int,
+        now_ns: int,
     ) -> bytes | None:
         """The message of a model; None where it has no such form."""
         base, memory = self._base_for(update), []
         if texts.state == MEMORIES:
             if max(map(abs, update.state)) > FARTHEST_PLAY:
                 return None
-            memory = _memory(update.state)
-        row, is_map = _row(update, model), model is not None
+            memory = steps_of_memory(update.state)
+        row, is_map = row_of(update, model), model is not None
         if row is None:
             return None
-        texts = _calm(texts, base.texts)
-        steps, start = np.empty(compact.COUNT, np.int64), _start(base, texts.law)
+        texts = calm(texts, base.texts)
+        steps, start = np.empty(compact.COUNT, np.int64), start_of(base, texts.law)
         seldom = base is NOTHING or now_ns - self._seldom_ns >= SELDOM_NS or texts.errors != base.texts.errors
-        _settle.entry(row, compact.grids_of(is_map), start, steps, self._form.maps, seldom)
+        compact.settle.entry(row, compact.grids_of(is_map), start, steps, self._form.maps, seldom)
         self._seldom_ns = now_ns if seldom else self._seldom_ns
         if model is not None:
-            seen = compact.value_of(steps[0], *compact.GRIDS_OF_MAP[0])
-            felt.spare.entry(steps, start, compact.GRIDS_OF_MAP, law, update.surface, seen, self._other, self._form.maps, self._touches[0], UNFELT)
-        head, heads = _written_head(base, texts, update)
+            rounded = compact.value_of(steps[0], *compact.GRIDS_OF_MAP[0])
+            spare.entry(
+                steps,
+                start,
+                compact.GRIDS_OF_MAP,
+                law,
+                update.surface,
+                rounded,
+                self._other,
+                self._form.maps,
+                self._touches[0],
+                UNFELT,
+            )
+        head, heads = head_of(base, texts, update)
         numbers = self._form.write([*heads, reason, *memory], start, steps, is_map)
         if not numbers:
             return None
         data = self._named(head + numbers)
         time_ns = update.time_ns if base is NOTHING else base.time_ns + (heads[1] + USUAL_MS * heads[0]) * MILLISECOND
-        kept = Kept(_tag_of(data), update.sequence, time_ns, update.command_sequence, texts, reason, steps)
+        kept = Kept(tag_of(data), update.sequence, time_ns, update.command_sequence, texts, reason, steps)
         seen = self._form.update_of(kept, update.state)
         if seen is None:
             return None
         if base is NOTHING:
             self._whole, self._whole_ns = False, now_ns
+        before = self._newest.kept.texts if self._newest is not None else NO_TEXTS
+        if texts.valid and (not before.valid or texts.reason not in ("", before.reason)):
+            self._learnt_ns = now_ns
         self._keep(kept, len(data), seen, felt.law_of(seen)[0], now_ns)
         return data
 
@@ -411,7 +255,7 @@ class ModelsSaid:
         taken = {sent.kept.tag for sent in self._sent.values()}
         for salt in range(0, 256, SALT):
             salted = bytes([data[0] + salt]) + data[1:]
-            if _tag_of(salted) not in taken:
+            if tag_of(salted) not in taken:
                 return salted
         return data
 
@@ -426,39 +270,6 @@ class ModelsSaid:
 
 SURFACE_CHANGE = 1e-4  # Motion of a surface that is always said while nothing has been touched [m]
 
-_FIGURES = re.compile(r"[\d.]+")
-
-
-def _calm(texts: Texts, base: Texts) -> Texts:
-    """Texts with the base's reason, where the two differ in figures only: those count the time."""
-    alike = _FIGURES.sub("", texts.reason) == _FIGURES.sub("", base.reason)
-    return texts._replace(reason=base.reason) if alike else texts
-
-
-def _is_news(before: Texts, now: Texts) -> bool:
-    """Whether what is told in texts is worth a message by itself."""
-    return _calm(now, before)._replace(errors=0) != before._replace(errors=0)
-
-
-def _written_head(base: Kept, texts: Texts, update: ModelUpdate) -> tuple[bytes, list[int]]:
-    """The bytes before the numbers, and number, time and command as heads."""
-    changed = [index for index, pair in enumerate(zip(texts, base.texts, strict=True)) if pair[0] != pair[1]]
-    told: list[Any] = [sum(1 << index for index in changed), *(texts[index] for index in changed)]
-    kind = WHOLE if base is NOTHING else DIFFERENCE
-    heads = [0, 0, 0]
-    if kind == WHOLE:
-        told += [update.sequence, update.time_ns, update.command_sequence]
-    else:
-        passed = round((update.time_ns - base.time_ns) / MILLISECOND)
-        commands = update.command_sequence - base.command_sequence
-        number = update.sequence - base.sequence
-        heads = [number, passed - USUAL_MS * number, commands - passed]
-    head = bytes([kind | (TEXTS if len(told) > 1 else 0)]) + (_TAG.pack(base.tag) if kind == DIFFERENCE else b"")
-    if len(told) > 1:
-        content = _encode(told)
-        head += _LENGTH.pack(len(content)) + content
-    return head, heads
-
 
 class ModelsHeard:
     """The leader's end: what arrives becomes the messages that the follower made, as far as they can be felt.
@@ -468,7 +279,7 @@ class ModelsHeard:
     """
 
     def __init__(self) -> None:
-        self._form = _Form()
+        self._form = Form()
         self._kept: dict[int, Kept] = {}  # by their numbers
         self.wants_whole = False
 
@@ -484,45 +295,47 @@ class ModelsHeard:
             return None
         if data[0] == PLAIN:
             update = decode(data[1:], ModelUpdate)
-            self._keep(Kept(_tag_of(data), update.sequence, 0, 0, NO_TEXTS, 0, NOTHING.steps), update.run)
+            self._keep(Kept(tag_of(data), update.sequence, 0, 0, NO_TEXTS, 0, NOTHING.steps), update.run)
             return update
         kind, told, at = data[0] % TEXTS, [], 1
         if kind not in (WHOLE, DIFFERENCE):
             return None
         base = NOTHING
         if kind == DIFFERENCE:
-            (tag,) = _TAG.unpack_from(data, at)
-            at += _TAG.size
+            (tag,) = TAG.unpack_from(data, at)
+            at += TAG.size
             known = [kept for kept in self._kept.values() if kept.tag == tag]
             if not known:
                 self.wants_whole = True
                 return None
             base = max(known, key=lambda kept: kept.sequence)
         if data[0] & TEXTS:
-            (length,) = _LENGTH.unpack_from(data, at)
-            at += _LENGTH.size
-            told, at = _decode(data[at : at + length], type=list), at + length
-        texts, whole = _read_texts(base.texts, told)
-        kept, memory = self._read(data[at:], base, texts, whole if kind == WHOLE else None)
-        found = self._form.update_of(Kept(_tag_of(data), *kept), memory)
+            (length,) = LENGTH.unpack_from(data, at)
+            at += LENGTH.size
+            told, at = decode_texts(data[at : at + length], type=list), at + length
+        texts, whole = texts_from(base.texts, told)
+        if len(whole) != (3 if kind == WHOLE else 0):
+            return None
+        kept, memory = self._read(data[at:], base, texts, whole)
+        found = self._form.update_of(Kept(tag_of(data), *kept), memory)
         if found is None:
             return None
         update = decode(encode(found), ModelUpdate)
-        self._keep(Kept(_tag_of(data), *kept), update.run)
+        self._keep(Kept(tag_of(data), *kept), update.run)
         self.wants_whole = self.wants_whole and kind != WHOLE
         return update
 
-    def _read(self, data: bytes, base: Kept, texts: Texts, whole: list[int] | None) -> Any:
+    def _read(self, data: bytes, base: Kept, texts: Texts, whole: list[int]) -> Any:
         """The fields of a `Kept` after its tag, and the state."""
-        memories = len(compact.MEMORY) if texts.state == MEMORIES else 0
-        heads, steps = self._form.read(data, len(compact.HEAD) + memories, _start(base, texts.law), texts.is_map)
-        number, passed, commands, reason = heads[: len(compact.HEAD)]
+        memories = len(coding.MEMORY) if texts.state == MEMORIES else 0
+        heads, steps = self._form.read(data, len(coding.HEAD) + memories, start_of(base, texts.law), texts.is_map)
+        number, passed, commands, reason = heads[: len(coding.HEAD)]
         if not 0 <= reason <= OTHER:
             raise ValueError("no such reason")
-        state = _from_memory(heads[len(compact.HEAD) :]) if memories else ()
+        state = memory_of_steps(heads[len(coding.HEAD) :]) if memories else ()
         if texts.state == UNTOUCHED:
             state = (math.nan,) * MEMORY
-        if whole is None:
+        if not whole:
             passed += USUAL_MS * number
             time_ns = base.time_ns + passed * MILLISECOND
             whole = [base.sequence + number, time_ns, base.command_sequence + commands + passed]
@@ -530,21 +343,9 @@ class ModelsHeard:
 
     def _keep(self, kept: Kept, run: int) -> None:
         """Remember a model that came; those of another run of the follower are of no use any more."""
-        self._kept = {number: one for number, one in self._kept.items() if one.texts.run == run or one.steps is NOTHING.steps}
+        self._kept = {
+            number: one for number, one in self._kept.items() if one.texts.run == run or one.steps is NOTHING.steps
+        }
         self._kept[kept.sequence] = kept
         if len(self._kept) > KEPT:
             del self._kept[min(self._kept)]
-
-
-def _read_texts(base: Texts, told: list[Any]) -> tuple[Texts, list[int]]:
-    """The texts of a model, and what stands after them: number, time and command of a whole one."""
-    mask, *values = told or [0]
-    changed = [name for index, name in enumerate(Texts._fields) if mask >> index & 1]
-    named = dict(zip(changed, values, strict=False))
-    for name, value in named.items():
-        if type(value) is not type(getattr(NO_TEXTS, name)):
-            raise ValueError("no such text")
-    texts, rest = base._replace(**named), values[len(changed) :]
-    if not _fits(texts) or len(rest) not in (0, 3) or not all(type(value) is int for value in rest):
-        raise ValueError("no such model")
-    return texts, rest

@@ -90,8 +90,8 @@ class Kind(ABC, Generic[M]):
         """Whether it is in space, epoch, run and holder: its context."""
 
     @abstractmethod
-    def who(self, context: Context) -> int:
-        """The process that sent a context."""
+    def who(self, context: Context) -> tuple[int, str]:
+        """The process that sent a context, and its name."""
 
     @abstractmethod
     def told(self, message: M) -> tuple[float, ...]:
@@ -127,9 +127,9 @@ class Commands(Kind[Command]):
         """See `Kind.fixed`."""
         return bool(message.place), message.epoch, message.run, message.holder
 
-    def who(self, context: Context) -> int:
+    def who(self, context: Context) -> tuple[int, str]:
         """See `Kind.who`."""
-        return context.epoch
+        return context.epoch, context.holder
 
     def told(self, message: Command) -> tuple[float, ...]:
         """See `Kind.told`."""
@@ -175,9 +175,9 @@ class Seen(Kind[Telemetry]):
         """See `Kind.fixed`."""
         return message.space is not None, message.epoch, message.run, ""
 
-    def who(self, context: Context) -> int:
+    def who(self, context: Context) -> tuple[int, str]:
         """See `Kind.who`."""
-        return context.run
+        return context.run, ""
 
     def told(self, message: Telemetry) -> tuple[float, ...]:
         """See `Kind.told`."""
@@ -307,13 +307,14 @@ class Hearing(Generic[M]):
         kind: Of its messages.
 
     Attributes:
+        sender: Name of the certificate that sent the packet which is read; "" where there is none.
         flags: Of its newest record.
         counts: Numbers of messages that this said.
         tick: Its tick.
     """
 
     def __init__(self, kind: Kind[M]) -> None:
-        self.flags, self.counts = 0, (0, 0)
+        self.sender, self.flags, self.counts = "", 0, (0, 0)
         self._kind, self._words = kind, np.zeros(2 * MOST, np.int64)
         self._take: Any
         self._go_on: Any
@@ -330,6 +331,8 @@ class Hearing(Generic[M]):
         except (msgspec.DecodeError, UnicodeDecodeError):
             return False
         if max(context.tick, context.time_ns, *context.counts) > LARGEST or not context.holder.isprintable():
+            return False
+        if self.sender not in ("", context.holder):  # control is a certificate's
             return False
         before, kind = self._context, self._kind
         if before is not None and kind.who(before) == kind.who(context):
@@ -367,7 +370,9 @@ class Hearing(Generic[M]):
         if end > len(data):
             return -1
         context = self._context
-        if context is None or number != context.number or chosen >> len(self._kind.numbers[context.space]):
+        if context is None or self.sender not in ("", context.holder):
+            return end
+        if number != context.number or chosen >> len(self._kind.numbers[context.space]):
             return end
         before = max((self.tick, self._time_ns, self.counts), (context.tick, context.time_ns, context.counts))
         tick = unwrapped(tick, 16, before[0])
