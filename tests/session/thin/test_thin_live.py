@@ -105,6 +105,5 @@ def test_a_leader_with_a_budget_says_that_its_follower_needs_one() -> None:
         time.sleep(4.0)
         assert leader.process.poll() is None
         leader.process.send_signal(signal.SIGINT)
-        code, out, _ = leader.wait(20)
-    assert code == 0
-    assert "interrupted" in out
+        code, _, err = leader.wait(20)
+    assert code == 0, err

@@ -32,14 +32,14 @@ from foretouch.messages import (
 from foretouch.session.thin.models import ModelsHeard, ModelsSaid
 from foretouch.session.thin.outbox import PARITY, PIECE, PIECE_HEAD, Inbox, Outbox
 from foretouch.session.thin.sides import CONTEXT, HEAD, LINES, NUMBER, WANTS, Commands, Hearing, Kind, Saying, Seen
-from foretouch.session.thin.stream import DUE, WORTH
+from foretouch.session.thin.stream import DUE, SOON, WORTH
 
 EMERGENCY = 5  # Kind of a record: an emergency stop
 LONGEST_WORD, LARGEST_PRESS = 12, (1 << 63) - 1  # Bytes of its reason, and its number at most
 
 ENVELOPE = 10  # Bytes of a packet around its content
 HELD_UP = 0.02  # Time that one packet may take, by the budget, so that a stop waits no longer for the one before it [s]
-SHARE = 0.7  # Part of the budget that lines may take beyond what is due, so that models come through
+SHARE = 0.7  # Part of the budget that lines may take beyond what is due while models or others wait
 NEVER_NS = 2**62  # Time since what never was [ns]
 HELLO_NS = 10_000_000_000  # Time between two hellos of the same texts [ns]
 
@@ -149,10 +149,12 @@ class End(ABC, Generic[Said, Heard]):
             reason = emergency.reason.encode()[:LONGEST_WORD]
             return bytes((EMERGENCY, len(reason))) + emergency.press.to_bytes(8, "little") + reason
         urgency, content, allowed = self._saying.urgency, b"", self._allowance >= 0.0
-        if urgency == DUE or (allowed and (urgency > WORTH or (urgency == WORTH and self._for_lines >= 0.0))):
+        alone = self._outbox.is_empty  # then lines may take all
+        least = WORTH if alone or self._for_lines >= 0.0 else SOON
+        if urgency == DUE or (allowed and urgency >= least):
             most = (self._longest - HEAD.size) // NUMBER if allowed else 1
             content = self._saying.record(self._flags, most, spare=allowed)
-            self._for_lines -= len(content) + ENVELOPE
+            self._for_lines -= 0.0 if alone else len(content) + ENVELOPE
         room = self._longest - len(content)
         return content + self._outbox.next(room) if allowed and room > PIECE_HEAD else content
 

@@ -47,9 +47,14 @@ class Outbox:
         """Whether anything is to be sent under this name."""
         return name in self._waiting or bool(self._pieces.get(name))
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is to be sent."""
+        return not (self._waiting or self._pieces)
+
     def next(self, room: int) -> bytes:
         """A record of at most so many bytes of what is most urgent; none where nothing waits."""
-        if not (self._waiting or self._pieces):
+        if self.is_empty:
             return b""
         for place, name in enumerate(self._names):
             if not self._pieces.get(name) and name in self._waiting:
