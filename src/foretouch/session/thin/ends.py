@@ -29,10 +29,11 @@ from foretouch.messages import (
     decode,
     encode,
 )
-from foretouch.session.thin.models import ModelsHeard, ModelsSaid
-from foretouch.session.thin.outbox import PARITY, PIECE, PIECE_HEAD, Inbox, Outbox
-from foretouch.session.thin.sides import CONTEXT, HEAD, LINES, NUMBER, WANTS, Commands, Hearing, Kind, Saying, Seen
-from foretouch.session.thin.stream import DUE, WORTH
+from foretouch.session.network.pieces import PARITY, PIECE, PIECE_HEAD, Inbox, Outbox
+from foretouch.session.thin.lines.kinds import WANTS, Commands, Kind, Seen
+from foretouch.session.thin.lines.sides import CONTEXT, HEAD, LINES, NUMBER, Hearing, Saying
+from foretouch.session.thin.lines.stream import DUE, WORTH
+from foretouch.session.thin.models.exchange import ModelsHeard, ModelsSaid
 
 EMERGENCY = 5  # Kind of a record: an emergency stop
 LONGEST_WORD, LARGEST_PRESS = 12, (1 << 63) - 1  # Bytes of its reason, and its number at most

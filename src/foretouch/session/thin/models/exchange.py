@@ -22,9 +22,9 @@ from foretouch.messages import ModelUpdate, decode, encode
 from foretouch.models import ContactMapModel
 from foretouch.models.contact_map.layout import MEMORY
 from foretouch.models.law_kernel import Law
-from foretouch.session.thin import coding, compact, felt
-from foretouch.session.thin.spared import spare
-from foretouch.session.thin.told import (
+from foretouch.session.thin.models import coding, compact, felt
+from foretouch.session.thin.models.spared import spare
+from foretouch.session.thin.models.told import (
     DIFFERENCE,
     FARTHEST_PLAY,
     LENGTH,
