@@ -223,6 +223,19 @@ def test_the_second_is_heard_once_the_first_is_silent_for_a_lease() -> None:
     assert all(abs(one.position) < 0.1 or one.holder == "other" for one in out if one)
 
 
+def test_who_spoke_long_ago_does_not_take_the_place_of_who_is_silent() -> None:
+    direction, second = Direction("commands"), Saying(Commands())
+    out = []
+    for now in range(1, 8000):
+        if not 5000 <= now < 6100:
+            direction.say(command_at(now), now)
+        if now < 1000:
+            direction.say(command_at(now, epoch=EPOCH + 2, holder="other"), now, second)
+        out.append(direction.hear(now))
+    assert {one.holder for one in out if one} == {"somebody@here"}
+    assert all(one is not None for one in out[6150:])
+
+
 @pytest.mark.parametrize("begin", [1, 300])
 def test_a_device_that_gives_no_number_is_said_so_and_ticks_go_on(begin: int) -> None:
     draw = random.Random(5)
@@ -268,6 +281,14 @@ def test_a_context_is_said_again_every_second_and_where_it_changes() -> None:
     assert ticks[:3] == [1, 2, 3]
     assert max(second - first for first, second in itertools.pairwise(ticks)) <= CONTEXT_PERIOD + 1
     assert {2500, 2501, 2502} <= set(ticks)
+
+
+def test_a_place_in_space_is_heard_as_soon_as_there_is_one() -> None:
+    """A leader in space commands no place before its hand is coupled."""
+    direction = Direction("commands")
+    out = heard_by(direction, range(1, 1000), lambda now: command_at(now, space=now >= 500))
+    assert [one.sequence for one in out] == list(range(1, 1000))
+    assert all(len(one.place) == (3 if one.sequence >= 500 else 0) for one in out)
 
 
 def test_an_old_context_replaces_no_newer_one() -> None:

@@ -150,7 +150,7 @@ class Hearing(Generic[M]):
         self._context: Context | None = None
         self._other: Context | None = None  # of a sender that is not heard yet
         self._lines: Any = None
-        self.tick = self._time_ns = self._status = self._given = self._silent = 0
+        self.tick = self._time_ns = self._status = self._given = self._silent = self._waiting = 0
 
     def context(self, data: bytes) -> bool:
         """Take the record of a context, of which one that is none is left out; whether another sender is heard now."""
@@ -163,20 +163,27 @@ class Hearing(Generic[M]):
         if self.sender not in ("", context.holder):  # control is a certificate's
             return False
         before, kind = self._context, self._kind
-        if before is not None and (kind.who(before), before.space) == (kind.who(context), context.space):
-            self._context = max(before, context, key=lambda one: one.tick)
+        if before is not None and kind.who(before) == kind.who(context):
+            if context.tick >= before.tick:
+                self._begin(context)
             return False
         # Another sender is heard once this one is silent: two of them may say lines at a time.
-        self._other = context
+        self._other, self._waiting = context, 0
         return self._take_over()
+
+    def _begin(self, context: Context) -> None:
+        """From now on this is the context; its lines are new ones where there was none, or one of other numbers."""
+        if self._context is None or self._context.space != context.space:
+            self._lines = stream.heard(self._kind.numbers[context.space], self._kind.positions(context.space))
+        self._context = context
 
     def _take_over(self) -> bool:
         """Hear another sender, if the one before has been silent for long; whether it is so."""
-        context, kind = self._other, self._kind
+        context = self._other
         if context is None or (self._context is not None and self._silent < TAKEN_OVER):
             return False
-        self._context, self._other = context, None
-        self._lines = stream.heard(kind.numbers[context.space], kind.positions(context.space))
+        self._context = self._other = None
+        self._begin(context)
         self.tick, self._time_ns, self.counts = max(context.tick - 1, 0), context.time_ns, context.counts
         self.flags = self._silent = self._given = 0
         return True
@@ -213,7 +220,9 @@ class Hearing(Generic[M]):
 
     def next(self) -> M | None:
         """The message of the next tick of the other side, None where there is none."""
-        self._silent += 1
+        self._silent, self._waiting = self._silent + 1, self._waiting + 1
+        if self._waiting > CONTEXT_PERIOD + LONGEST_GAP:  # it is silent, too
+            self._other = None
         self._take_over()
         context = self._context
         if context is None or not self.tick:

@@ -1,0 +1,108 @@
+"""Sides with a budget as real processes, in real time."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from foretouch.link import ZenohLink, free_endpoint
+from foretouch.messages import Status
+from foretouch.recordings import read_session
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+from running import Running, until
+
+pytestmark = pytest.mark.live
+
+BUDGET = ("--budget", 3000)
+
+
+def test_a_session_with_a_budget_ends_in_order_with_a_report(tmp_path: Path) -> None:
+    options = ("--headless", "--duration", 6, *BUDGET, "--operator", "scripted", "--json", "--report", tmp_path / "out")
+    with Running("teleop", *options) as teleop:
+        code, out, err = teleop.wait(90)
+    assert code == 0, err
+    assert "Traceback" not in err
+    report = json.loads(out)
+    assert report["status"] == "ok"
+    assert report["messages"]["undecodable"] == 0
+    assert any((tmp_path / "out").glob("*.html"))
+    log = read_session(tmp_path / "out" / "session.mcap")
+    assert log.settings["budget"] == "3000.0"
+    assert (log.follower["status"] == Status.FOLLOWING).mean() > 0.5
+    assert log.counts["models_refused"] == 0
+    seconds = len(log.leader) * 1e-3
+    for side in ("leader", "follower"):
+        assert 100 < log.counts[f"{side}_thin_bytes"] <= 3000 * (seconds + 3.0)
+
+
+@pytest.fixture
+def watched() -> Iterator[tuple[str, Running, ZenohLink]]:
+    """A follower with a budget, and who watches it."""
+    endpoint = free_endpoint()
+    with (
+        Running("follower", "--listen", endpoint, *BUDGET) as follower,
+        ZenohLink(connect=[endpoint], subscribe=["telemetry", "hello"]) as watcher,
+    ):
+        yield endpoint, follower, watcher
+
+
+def statuses(watcher: ZenohLink) -> set[int]:
+    return {telemetry.status for _, telemetry in watcher.take("telemetry")}
+
+
+def stays_stopped(watcher: ZenohLink) -> bool:
+    watcher.take("telemetry")
+    time.sleep(0.2)
+    return statuses(watcher) == {Status.STOPPED}
+
+
+def test_sides_with_a_budget_find_each_other_and_anybody_stops_the_robot(
+    watched: tuple[str, Running, ZenohLink],
+) -> None:
+    endpoint, follower, watcher = watched
+    with Running("leader", "--connect", endpoint, "--operator", "scripted", "--name", "anna", *BUDGET) as leader:
+        until(lambda: statuses(watcher) & {Status.FOLLOWING, Status.GUARDED}, 40.0)
+        with Running("stop", "--connect", endpoint) as stop:
+            code, out, err = stop.wait(20)
+        assert (code, err) == (0, "")
+        assert out.startswith("the robot has stopped: ")
+        assert stays_stopped(watcher)
+        leader.process.send_signal(signal.SIGINT)
+        code, _, err = leader.wait(20)
+        assert code == 0, err
+    code, _, err = follower.wait(20)
+    assert code == 0, err
+    assert "follower: connected: the leader is anna" in err
+
+
+def test_an_emergency_stop_at_the_leader_reaches_the_follower(watched: tuple[str, Running, ZenohLink]) -> None:
+    endpoint, _, watcher = watched
+    with Running("leader", "--connect", endpoint, "--operator", "scripted", *BUDGET) as leader:
+        until(lambda: statuses(watcher) & {Status.FOLLOWING, Status.GUARDED}, 40.0)
+        leader.process.send_signal(signal.SIGUSR1)
+        until(lambda: Status.STOPPED in statuses(watcher), 2.0)
+        assert stays_stopped(watcher)
+
+
+def test_a_leader_with_a_budget_says_that_its_follower_needs_one() -> None:
+    endpoint = free_endpoint()
+    with (
+        Running("follower", "--listen", endpoint, "--duration", 6),
+        Running("leader", "--connect", endpoint, "--operator", "scripted", *BUDGET) as leader,
+    ):
+        assert leader.process.stderr is not None
+        line = next(iter(leader.process.stderr))
+        assert line == "leader: waiting for a follower that has a --budget, too\n"
+        time.sleep(4.0)
+        assert leader.process.poll() is None
+        leader.process.send_signal(signal.SIGINT)
+        code, out, _ = leader.wait(20)
+    assert code == 0
+    assert "interrupted" in out
