@@ -62,7 +62,7 @@ PART = 0.5
 UNFELT = 0.15
 """Change of force by rounding, at most, in the same unit, where the material was touched."""
 
-STEADY_RATE, LEARNING_RATE, LEARNING_NS = 140.0, 500.0, 5_000_000_000
+STEADY_RATE, LEARNING_RATE, LEARNING_NS = 140.0, 560.0, 5_000_000_000
 """Bytes a second of models in the long run, and so long after there is a first model, or another material [ns]."""
 
 LARGEST_BURST, COSTLY = 500.0, 4.0
