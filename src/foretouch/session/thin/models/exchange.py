@@ -62,7 +62,7 @@ PART = 0.5
 UNFELT = 0.15
 """Change of force by rounding, at most, in the same unit, where the material was touched."""
 
-STEADY_RATE, LEARNING_RATE, LEARNING_NS = 140.0, 500.0, 5_000_000_000
+STEADY_RATE, LEARNING_RATE, LEARNING_NS = 140.0, 560.0, 5_000_000_000
 """Bytes a second of models in the long run, and so long after there is a first model, or another material [ns]."""
 
 LARGEST_BURST, COSTLY = 500.0, 4.0
@@ -109,12 +109,12 @@ class ModelsSaid:
         self._whole, self._whole_ns = True, -LONGEST_NS
         self._seldom_ns = -SELDOM_NS
         self._allowance, self._allowed_ns, self._learnt_ns = LARGEST_BURST, 0, -LEARNING_NS
-        for each in (felt.gap, felt.apart, felt.touch, felt.remember, spare):
+        for each in (felt.gap, felt.apart, felt.touch, felt.suppose, felt.remember, spare):
             each.entry  # noqa: B018  # see `Form`
 
     def ask_whole(self) -> None:
         """The other end lost what differences refer to."""
-        self._whole = True
+        self._whole, self._base = True, None
 
     def offer(self, update: ModelUpdate, acknowledged: int, now_ns: int) -> bytes | None:
         """What is to be sent of this model, None where nobody would feel it.
@@ -126,11 +126,7 @@ class ModelsSaid:
         """
         self._note(acknowledged, now_ns)
         law, model = felt.law_of(update)
-        if model is not None and len(update.state) == MEMORY:
-            has = law, update.surface
-            if self._newest is not None:
-                has = self._newest.law, self._newest.surface
-            felt.touch.entry(law, update.surface, update.state, update.time_ns * 1e-9, *has, self._touches[0])
+        self._touch(update, law, model)
         said = texts_of(update, model is not None)
         rate = LEARNING_RATE if now_ns - self._learnt_ns < LEARNING_NS else STEADY_RATE
         self._allowance += rate * 1e-9 * (now_ns - self._allowed_ns)
@@ -144,6 +140,16 @@ class ModelsSaid:
                 Kept(tag_of(data), update.sequence, 0, 0, NO_TEXTS, 0, NOTHING.steps), len(data), update, law, now_ns
             )
         return data
+
+    def _touch(self, update: ModelUpdate, law: NDArray[np.void], model: ContactMapModel | None) -> None:
+        """Take note of where the material is touched; of a law without memory nothing tells."""
+        has = law, update.surface
+        if self._newest is not None:
+            has = self._newest.law, self._newest.surface
+        if model is not None and len(update.state) == MEMORY:
+            felt.touch.entry(law, update.surface, update.state, update.time_ns * 1e-9, *has, self._touches[0])
+        elif model is None and update.valid:
+            felt.suppose.entry(update.surface, *has, self._touches[0])
 
     def _note(self, acknowledged: int, now_ns: int) -> None:
         """Take note of what the leader renders from."""
@@ -175,15 +181,14 @@ class ModelsSaid:
         """Whether the leader would feel that it renders from a model that was sent in place of this one."""
         if said is not None and is_news(sent.kept.texts, said[0]):
             return True
-        if felt.moved(sent.fixture, update.fixture):
-            return True
+        if self._allowance < 0.0:
+            return False
         touches = self._touches[0]
-        if not touches.count and abs(update.surface - sent.surface) > SURFACE_CHANGE:
+        nowhere = not touches.count and abs(update.surface - sent.surface) > SURFACE_CHANGE
+        if nowhere or felt.moved(sent.fixture, update.fixture):
             return True
         part = self._part * COSTLY ** max(1.0 - 2.0 * self._allowance / LARGEST_BURST, 0.0)
         part *= 1.0 + HURRY_NS / max(since_ns, 1)
-        if self._allowance < 0.0:
-            return False
         if sent is self._newest:
             return bool(felt.gap.entry(law, update.surface, touches) > part)
         return bool(felt.apart.entry(law, update.surface, sent.law, sent.surface, touches) > part)
