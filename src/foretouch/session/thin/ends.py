@@ -2,7 +2,7 @@
 
 An end stands between the steps of its side and the network. What it sends in a second is kept within a budget, the most
 urgent first: an emergency stop at once; then the lines of commands or telemetry, at the latest every
-`foretouch.session.thin.stream.LONGEST_GAP` ticks, which is also the sign of life; models; and what is only looked at.
+`foretouch.session.thin.lines.stream.LONGEST_GAP` ticks, which is also the sign of life; models; and what is only looked at.
 """
 
 from __future__ import annotations
