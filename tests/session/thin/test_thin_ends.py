@@ -29,9 +29,9 @@ from foretouch.messages import (
     encode,
 )
 from foretouch.session import SessionSettings
+from foretouch.session.network.pieces import PARITY, PIECE, Outbox
 from foretouch.session.thin import FollowerEnd, LeaderEnd, end_of
 from foretouch.session.thin.ends import EMERGENCY, HELLO_NS
-from foretouch.session.network.pieces import PARITY, PIECE, Outbox
 from foretouch.session.thin.lines.sides import CONTEXT, LINES
 from foretouch.session.thin.lines.stream import LONGEST_GAP, REACH
 

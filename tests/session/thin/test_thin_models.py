@@ -16,7 +16,8 @@ from foretouch.messages import VERSION, ModelUpdate, SessionLog, Stop, decode, e
 from foretouch.models import ContactModel, make_model
 from foretouch.robot import MATERIALS
 from foretouch.session import SessionSettings, simulate
-from foretouch.session.thin.models.exchange import LONGEST_NS, ModelsHeard, ModelsSaid
+from foretouch.session.thin.models.heard import ModelsHeard
+from foretouch.session.thin.models.said import LONGEST_NS, ModelsSaid
 
 MS = 1_000_000
 ROUND_TRIP_NS = 380 * MS
