@@ -49,12 +49,18 @@ class Outbox:
 
     def next(self, room: int) -> bytes:
         """A record of at most so many bytes of what is most urgent; none where nothing waits."""
+        if not (self._waiting or self._pieces):
+            return b""
         for place, name in enumerate(self._names):
             if not self._pieces.get(name) and name in self._waiting:
                 self._pieces[name] = self._cut(place, name, self._waiting.pop(name), room - PIECE_HEAD)
             pieces = self._pieces.get(name)
             if pieces:
-                return pieces.pop(0) if len(pieces[0]) <= room else b""
+                if len(pieces[0]) > room:
+                    return b""
+                if len(pieces) == 1:
+                    del self._pieces[name]
+                return pieces.pop(0)
         return b""
 
     def _cut(self, place: int, name: str, data: bytes, size: int) -> list[bytes]:
