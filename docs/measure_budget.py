@@ -32,7 +32,7 @@ PAGE, PICTURE = ROOT / "docs" / "thin-links.md", ROOT / "docs" / "images" / "thi
 SEEDS = range(9001, 9009)
 DURATION = 20.0  # Of a session [s]
 TRACED = 60.0  # Of one over a measured network [s]
-BUDGETS = (1000.0, 1500.0, 2000.0, 4000.0, 8000.0, 16000.0)
+BUDGETS = (1000.0, 2000.0, 8000.0)
 MATERIAL = "foam-measured"
 DEADBAND, DEADBAND_LEAST, SAMPLE_BYTES = 0.10, 0.05, 16
 """Of a codec of forces: the part of the force that it leaves out, the least [N], and bytes of a sample: ten around it,

@@ -22,7 +22,8 @@ from foretouch.report import session_figures
 from foretouch.robot import material_names
 from foretouch.session import SessionSettings
 from foretouch.session.runners import simulated
-from foretouch.session.thin.models import PART, ModelsHeard, ModelsSaid
+from foretouch.session.thin.models.heard import ModelsHeard
+from foretouch.session.thin.models.said import PART, ModelsSaid
 
 DURATION = 20.0  # Of a session [s]
 LEARNING = 5.0  # After the first valid model, and after each change of the material [s]: the rest is steady

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from running import Running
 
 from foretouch.devices import Device
 from foretouch.link import NETWORK_NAMES, PUBLISHED_NETWORKS, FaultStage, network_trace
 from foretouch.messages import SessionLog, Status
+from foretouch.recordings import read_session
 from foretouch.report import pair, session_figures
 from foretouch.report.scene.pose import scene_rows
 from foretouch.session import SessionSettings, recorded_settings, simulate
@@ -124,3 +127,22 @@ def test_both_sides_of_a_scene_over_a_network_have_one_clock() -> None:
 def test_a_side_says_over_which_network_it_hears() -> None:
     stage: FaultStage[Any] = FaultStage(SessionSettings(network="low-orbit").return_faults)
     assert fault_texts(stage, "force_delay", 0, "return_")["return_network"] == "low-orbit"
+
+
+@pytest.mark.live
+@pytest.mark.long
+def test_a_session_in_real_time_runs_over_a_network(tmp_path: Path) -> None:
+    """Its stalls come where they are in the trace: some 15 s minus the start after the first message."""
+    pytest.importorskip("zenoh")
+    recording = tmp_path / "session.mcap"
+    options = ["--headless", "--operator", "scripted", "--grip", "normal", "--recording", recording, "--json"]
+    with Running("teleop", *options, "--network", "low-orbit", "--network-start", "12", "--duration", "6") as session:
+        code, out, err = session.wait(120.0)
+    assert code == 0, err
+    report = json.loads(out)
+    assert report["stable"]
+    assert report["settings"]["network"] == report["settings"]["return_network"] == "low-orbit"
+    held = report["safety"]["statuses"]["holding"]
+    assert held["times"] >= 1
+    times = read_session(recording).leader["time_ns"]
+    assert np.ptp(times) > 4.0e9

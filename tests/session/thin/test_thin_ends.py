@@ -29,11 +29,11 @@ from foretouch.messages import (
     encode,
 )
 from foretouch.session import SessionSettings
+from foretouch.session.network.pieces import PARITY, PIECE, Outbox
 from foretouch.session.thin import FollowerEnd, LeaderEnd, end_of
 from foretouch.session.thin.ends import EMERGENCY, HELLO_NS
-from foretouch.session.thin.outbox import PARITY, PIECE, Outbox
-from foretouch.session.thin.sides import CONTEXT, LINES
-from foretouch.session.thin.stream import LONGEST_GAP, REACH
+from foretouch.session.thin.lines.sides import CONTEXT, LINES
+from foretouch.session.thin.lines.stream import LONGEST_GAP, REACH
 
 SECONDS = 6
 WEIGHTS: dict[str, dict[str, Any]] = {

@@ -16,7 +16,8 @@ from foretouch.messages import VERSION, ModelUpdate, SessionLog, Stop, decode, e
 from foretouch.models import ContactModel, make_model
 from foretouch.robot import MATERIALS
 from foretouch.session import SessionSettings, simulate
-from foretouch.session.thin.models import LONGEST_NS, ModelsHeard, ModelsSaid
+from foretouch.session.thin.models.heard import ModelsHeard
+from foretouch.session.thin.models.said import LONGEST_NS, ModelsSaid
 
 MS = 1_000_000
 ROUND_TRIP_NS = 380 * MS
@@ -183,6 +184,20 @@ def test_some_changes_are_said_at_once(changes: dict[str, Any]) -> None:
     update = valid_model()
     said = said_once(update)
     assert said.offer(later(update, 2, **changes), update.sequence, update.time_ns + 40 * MS) is not None
+
+
+@pytest.mark.parametrize(("stiffness", "said_now"), [(900.0, True), (803.0, False)])
+def test_a_law_without_memory_is_said_where_it_is_felt(stiffness: float, said_now: bool) -> None:
+    law: dict[str, Any] = {"law": "kelvin-voigt", "map": b"", "state": (), "standard_errors": ()}
+    update = later(valid_model(), 0, parameters=(800.0, 2.0), **law)
+    said, heard = said_once(update), ModelsHeard()
+    data = said.offer(later(update, 2, parameters=(stiffness, 2.0)), update.sequence, update.time_ns + 160 * MS)
+    assert (data is not None) == said_now
+    whole = ModelsSaid().offer(update, 0, update.time_ns)
+    assert whole is not None
+    seen = heard.take(whole)
+    assert seen is not None
+    assert np.allclose(seen.parameters, update.parameters, rtol=1e-3)
 
 
 def test_time_in_a_reason_is_no_news() -> None:

@@ -7,7 +7,7 @@ import random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foretouch.session.thin.outbox import LONGEST, MOST_PIECES, PARITY, PIECE, PIECE_HEAD, SHORTEST, Inbox, Outbox
+from foretouch.session.network.pieces import LONGEST, MOST_PIECES, PARITY, PIECE, PIECE_HEAD, SHORTEST, Inbox, Outbox
 
 NAMES = ("urgent", "usual", "seldom")
 contents = st.binary(min_size=1, max_size=600)

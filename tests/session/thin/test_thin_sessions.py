@@ -16,7 +16,7 @@ from foretouch.messages import FollowerPacket, LeaderPacket, Message, SessionLog
 from foretouch.report import session_figures
 from foretouch.session import SessionSettings, recorded_settings, simulate
 from foretouch.session.thin import FollowerEnd
-from foretouch.session.thin.stream import JUMP, POSITION, REACH
+from foretouch.session.thin.lines.stream import JUMP, POSITION, REACH
 
 BUDGET = 2000.0
 MATERIALS = ("foam", "hunt-crossley", "kelvin-voigt", "bone")

@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from thin_ticks import EPOCH, MS, RUN, Direction, command_at, telemetry_at
 
 from foretouch.messages import Command, Telemetry, decode, encode
-from foretouch.session.thin.sides import CONTEXT, CONTEXT_PERIOD, TAKEN_OVER, Commands, Context, Saying, unwrapped
-from foretouch.session.thin.stream import FORCE, LONGEST_GAP, PLACE, POSITION, REACH
+from foretouch.session.thin.lines.kinds import Commands, Context
+from foretouch.session.thin.lines.sides import CONTEXT, CONTEXT_PERIOD, TAKEN_OVER, Saying, unwrapped
+from foretouch.session.thin.lines.stream import FORCE, LONGEST_GAP, PLACE, POSITION, REACH
 
 NUMBERS = {
     "position": POSITION.bound,

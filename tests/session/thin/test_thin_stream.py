@@ -16,8 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from thin_lines import MOTIONS, LinePair, motion
 
-from foretouch.session.thin import stream
-from foretouch.session.thin.stream import (
+from foretouch.session.thin.lines import stream
+from foretouch.session.thin.lines.stream import (
     DUE,
     FORCE,
     KEPT,

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from foretouch.session.thin import stream
-from foretouch.session.thin.stream import MOST, NOTHING, POSITION, Number
+from foretouch.session.thin.lines import stream
+from foretouch.session.thin.lines.stream import MOST, NOTHING, POSITION, Number
 
 Packet = tuple[int, int, tuple[int, ...]]  # tick, chosen numbers and words
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from foretouch.messages import VERSION, Command, FollowerSpace, Message, Telemetry
-from foretouch.session.thin.sides import CONTEXT, UNSEEN, Commands, Hearing, Saying, Seen
-from foretouch.session.thin.stream import NOTHING
+from foretouch.session.thin.lines.kinds import UNSEEN, Commands, Seen
+from foretouch.session.thin.lines.sides import CONTEXT, Hearing, Saying
+from foretouch.session.thin.lines.stream import NOTHING
 
 MS = 1_000_000
 EPOCH, RUN = 3_000_000_000_000_000_001, 3_000_000_000_000_000_777

@@ -1,8 +1,9 @@
 """The two ends of a thin link: full messages go in at one and come out at the other, in between go few bytes.
 
 An end stands between the steps of its side and the network. What it sends in a second is kept within a budget, the most
-urgent first: an emergency stop at once; then the lines of commands or telemetry, at the latest every
-`foretouch.session.thin.stream.LONGEST_GAP` ticks, which is also the sign of life; models; and what is only looked at.
+urgent first: an emergency stop at once; then the lines of commands or telemetry, in each
+`foretouch.session.thin.lines.stream.LONGEST_GAP` ticks at least, which is also the sign of life; models; and what is
+only looked at.
 """
 
 from __future__ import annotations
@@ -29,16 +30,19 @@ from foretouch.messages import (
     decode,
     encode,
 )
-from foretouch.session.thin.models import ModelsHeard, ModelsSaid
-from foretouch.session.thin.outbox import PARITY, PIECE, PIECE_HEAD, Inbox, Outbox
-from foretouch.session.thin.sides import CONTEXT, HEAD, LINES, NUMBER, WANTS, Commands, Hearing, Kind, Saying, Seen
-from foretouch.session.thin.stream import DUE, SOON, WORTH
+from foretouch.session.network.pieces import PARITY, PIECE, PIECE_HEAD, Inbox, Outbox
+from foretouch.session.thin.lines.kinds import WANTS, Commands, Kind, Seen
+from foretouch.session.thin.lines.sides import CONTEXT, HEAD, LINES, NUMBER, Hearing, Saying
+from foretouch.session.thin.lines.stream import DUE, SOON, WORTH
+from foretouch.session.thin.models.heard import ModelsHeard
+from foretouch.session.thin.models.said import ModelsSaid
 
 EMERGENCY = 5  # Kind of a record: an emergency stop
 LONGEST_WORD, LARGEST_PRESS = 12, (1 << 63) - 1  # Bytes of its reason, and its number at most
 
 ENVELOPE = 10  # Bytes of a packet around its content
 HELD_UP = 0.02  # Time that one packet may take, by the budget, so that a stop waits no longer for the one before it [s]
+ENOUGH = 1000.0  # Bytes a second that are enough for models as they are said over the thinnest links
 SHARE = 0.7  # Part of the budget that lines may take beyond what is due while models or others wait
 NEVER_NS = 2**62  # Time since what never was [ns]
 HELLO_NS = 10_000_000_000  # Time between two hellos of the same texts [ns]
@@ -251,7 +255,7 @@ class FollowerEnd(End[Telemetry, Command]):
 
     def __init__(self, budget: float, spacing: float = 0.0) -> None:
         super().__init__(budget, Seen(), Commands(), spacing)
-        self._models = ModelsSaid()
+        self._models = ModelsSaid(plenty=budget / ENOUGH)
 
     def _offer_of_step(self, message: Message, now_ns: int) -> None:
         if isinstance(message, ModelUpdate):

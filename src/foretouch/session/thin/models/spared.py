@@ -12,8 +12,18 @@ from foretouch.core.compiling import inlined, scratch
 from foretouch.models.contact_map.layout import PLAYS, Map
 from foretouch.models.law_kernel import Law
 from foretouch.models.predictor_kernel import copy
-from foretouch.session.thin.compact import AT_MAP, AT_SPACE, GROUPS, PARTS, drop_unneeded, value_of, write_map
-from foretouch.session.thin.felt import AT_EDGE, EDGE, IN_AIR, INSIDE, NO_TIME, POINTS, Touches, force_at, noticed
+from foretouch.session.thin.models.compact import AT_MAP, AT_SPACE, GROUPS, PARTS, drop_unneeded, value_of, write_map
+from foretouch.session.thin.models.felt import (
+    AT_EDGE,
+    EDGE,
+    IN_AIR,
+    INSIDE,
+    NO_TIME,
+    POINTS,
+    Touches,
+    force_at,
+    noticed,
+)
 
 AIR_SPEED, PART_OF_SPEED = 0.02, 0.4  # Speed in the air [m/s], and the part of the largest speed in contact elsewhere
 

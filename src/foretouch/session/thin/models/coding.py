@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from foretouch.core import Record, compiled, kernel
 from foretouch.core.compiling import inlined, scratch
 from foretouch.models.contact_map.layout import HEADER, SIZE, Map
-from foretouch.session.thin.compact import (
+from foretouch.session.thin.models.compact import (
     AT_MAP,
     AT_SPACE,
     FARTHEST,

@@ -1,4 +1,4 @@
-"""Commands and telemetry as lines (`foretouch.session.thin.stream`): what of them crosses a thin link, in which bytes.
+"""What a side says of its ticks over a thin link, and what is heard of the other's: lines, and their bytes.
 
 A record begins with its kind. What seldom changes, such as the leader's name and process, is the sender's context and
 has a record of its own; what names another context is not understood. Ticks, times and numbers of messages are said by
@@ -10,38 +10,22 @@ from __future__ import annotations
 import math
 import struct
 import zlib
-from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import msgspec
 import numpy as np
 
-from foretouch.messages import VERSION, Command, FollowerSpace, Message, Telemetry
-from foretouch.messages.schema import Count, Name
-from foretouch.session.thin import stream
-from foretouch.session.thin.stream import (
-    DUE,
-    FORCE,
-    LONGEST_GAP,
-    MOST,
-    NOTHING,
-    PLACE,
-    POSITION,
-    SOON,
-    WORTH,
-    Number,
-)
+from foretouch.messages import Message
+from foretouch.session.thin.lines import stream
+from foretouch.session.thin.lines.kinds import ABSENT, TICK_NS, Context, Kind
+from foretouch.session.thin.lines.stream import DUE, LONGEST_GAP, MOST, NOTHING, SOON, WORTH
 
 CONTEXT, LINES = 1, 2  # Kinds of a record
 CONTEXT_PERIOD = 1000  # Ticks between two records of the same context
 NEWS = 3  # Packets that carry a new context: some may be lost
 TAKEN_OVER = 1000  # Ticks of silence after which another sender is heard, as long as a `foretouch.session` lease lasts
 LARGEST = 1 << 62  # Largest tick, time and number of messages: what comes later is below a message's largest
-QUARTER_NS, TICK_NS = 250_000, 1_000_000  # In which times are said, and a tick [ns]
-
-ABSENT, WANTS, GUARDED, CONTACT, CLIPPED = 1, 2, 4, 8, 16
-"""Flags of a record: its numbers are missing; its sender needs a whole model; what is guarded; contact; a force that
-was cut."""
+QUARTER_NS = 250_000  # In which times are said [ns]
 
 HEAD = struct.Struct("<BHHHHHBBH")
 """Kind, context, tick, time in quarters of a millisecond, two numbers of messages, flags, status and validity, and
@@ -49,21 +33,6 @@ which numbers have lines, a bit for each. Of these follow three bytes for the va
 NUMBER = 5  # Bytes of a number
 
 M = TypeVar("M", bound=Message)
-Numbers = tuple[Number, ...]
-
-
-class Context(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True, gc=False):
-    """What seldom changes of a side's messages; and a tick, a time [ns] and numbers of messages to count from."""
-
-    number: int
-    tick: Count
-    time_ns: Count
-    counts: tuple[Count, Count]
-    space: bool
-    epoch: Count
-    run: Count
-    holder: Name = ""
-
 
 _decode_context = msgspec.msgpack.Decoder(Context).decode
 
@@ -73,147 +42,6 @@ def unwrapped(low: int, bits: int, near: int) -> int:
     span = 1 << bits
     number = near + (low - near + span // 2) % span - span // 2
     return number if number >= 0 else number + span
-
-
-class Kind(ABC, Generic[M]):
-    """How messages of a kind are said."""
-
-    numbers: ClassVar[tuple[Numbers, Numbers]]  # along a line, and in space
-    robot: ClassVar[bool]  # whether these are positions that a robot goes to
-
-    def positions(self, space: bool) -> int:
-        """How many of the numbers are positions that a robot goes to."""
-        return len(self.numbers[space]) if self.robot else 0
-
-    @abstractmethod
-    def fixed(self, message: M) -> tuple[bool, int, int, str]:
-        """Whether it is in space, epoch, run and holder: its context."""
-
-    @abstractmethod
-    def who(self, context: Context) -> tuple[int, str]:
-        """The process that sent a context, and its name."""
-
-    @abstractmethod
-    def told(self, message: M) -> tuple[float, ...]:
-        """Its numbers that have lines."""
-
-    @abstractmethod
-    def counts(self, message: M) -> tuple[int, int]:
-        """The two numbers of messages that it says."""
-
-    @abstractmethod
-    def state(self, message: M) -> tuple[int, int]:
-        """Its flags, and status and validity as a byte: a change of one is said at once."""
-
-    @abstractmethod
-    def made(
-        self,
-        context: Context,
-        tick: int,
-        time_ns: int,
-        counts: tuple[int, int],
-        state: tuple[int, int],
-        told: list[float],
-    ) -> M:
-        """The message again; `counts` are as of `tick`."""
-
-
-class Commands(Kind[Command]):
-    """Commands: their position, and their place in space, are what a robot goes to."""
-
-    numbers, robot = ((POSITION,), (POSITION,) * 4), True
-
-    def fixed(self, message: Command) -> tuple[bool, int, int, str]:
-        """See `Kind.fixed`."""
-        return bool(message.place), message.epoch, message.run, message.holder
-
-    def who(self, context: Context) -> tuple[int, str]:
-        """See `Kind.who`."""
-        return context.epoch, context.holder
-
-    def told(self, message: Command) -> tuple[float, ...]:
-        """See `Kind.told`."""
-        return (message.position, *message.place)
-
-    def counts(self, message: Command) -> tuple[int, int]:
-        """See `Kind.counts`."""
-        return message.acknowledged_model, message.telemetry_sequence
-
-    def state(self, message: Command) -> tuple[int, int]:
-        """See `Kind.state`; a model that is used now is told at once, too."""
-        return GUARDED * message.guarded, message.acknowledged_model & 0xFF
-
-    def made(
-        self,
-        context: Context,
-        tick: int,
-        time_ns: int,
-        counts: tuple[int, int],
-        state: tuple[int, int],
-        told: list[float],
-    ) -> Command:
-        """See `Kind.made`."""
-        position, *place = told
-        guarded = bool(state[0] & GUARDED)
-        who = context.holder, context.epoch, tuple(place), counts[1], context.run
-        return Command(VERSION, tick, time_ns, position, counts[0], guarded, *who)
-
-
-UNSEEN = (0.0, 0.0, 1.0, math.nan, math.nan, math.nan, math.nan, 0.0, 0.0, 0.0)
-"""What is not said of space: normal, depth, and pose of the fixture."""
-
-
-class Seen(Kind[Telemetry]):
-    """Telemetry: commanded and true position and force; in space these places and that force, too.
-
-    What only pictures show of space is not said: normal, fixture, touch and joints.
-    """
-
-    numbers, robot = ((PLACE, PLACE, FORCE), (PLACE, PLACE, FORCE, *(PLACE,) * 6, *(FORCE,) * 3)), False
-
-    def fixed(self, message: Telemetry) -> tuple[bool, int, int, str]:
-        """See `Kind.fixed`."""
-        return message.space is not None, message.epoch, message.run, ""
-
-    def who(self, context: Context) -> tuple[int, str]:
-        """See `Kind.who`."""
-        return context.run, ""
-
-    def told(self, message: Telemetry) -> tuple[float, ...]:
-        """See `Kind.told`."""
-        numbers, s = (message.desired_position, message.position, message.force), message.space
-        if s is None:
-            return numbers
-        places = s.desired_x, s.desired_y, s.desired_z, s.place_x, s.place_y, s.place_z
-        return (*numbers, *places, s.force_x, s.force_y, s.force_z)
-
-    def counts(self, message: Telemetry) -> tuple[int, int]:
-        """See `Kind.counts`."""
-        return message.command_sequence, message.model_sequence
-
-    def state(self, message: Telemetry) -> tuple[int, int]:
-        """See `Kind.state`."""
-        flags = GUARDED * message.guarded | CONTACT * message.in_contact | CLIPPED * message.clipped
-        return flags, (message.status & 15) << 4 | message.validity & 15
-
-    def made(
-        self,
-        context: Context,
-        tick: int,
-        time_ns: int,
-        counts: tuple[int, int],
-        state: tuple[int, int],
-        told: list[float],
-    ) -> Telemetry:
-        """See `Kind.made`; the velocity is not said, and the force is that of the sensor, too."""
-        (desired, position, force, *rest), flags = told, state[0]
-        space = FollowerSpace(*rest[3:6], *rest[:3], *rest[6:9], *UNSEEN) if rest else None  # type: ignore[arg-type, call-arg]
-        contact, clipped, guarded = bool(flags & CONTACT), bool(flags & CLIPPED), bool(flags & GUARDED)
-        numbers = desired, position, 0.0, force, force, math.nan, contact, clipped, counts[1], TICK_NS, 0, guarded
-        status, validity = state[1] >> 4, state[1] & 15
-        return Telemetry(
-            VERSION, tick, time_ns, counts[0], *numbers, status, validity, context.epoch, context.run, space
-        )
 
 
 class Saying(Generic[M]):

@@ -21,9 +21,14 @@ from foretouch.identification import Status
 from foretouch.messages import VERSION, ModelUpdate
 from foretouch.models import ContactMapModel
 from foretouch.models.contact_map.layout import MEMORY, PLAYS, Map
-from foretouch.session.thin import coding, compact
+from foretouch.session.thin.models import coding, compact
 
-PHRASES = ("", "nothing has been touched yet", *(status.value for status in Status))
+PHRASES = (
+    "",
+    "nothing has been touched yet",
+    "too few samples in contact, or too alike",
+    *(status.value for status in Status),
+)
 """Reasons that say nothing new: of them the number crosses."""
 OTHER = len(PHRASES)  # Number of a reason that is none of them, and crosses as a text
 

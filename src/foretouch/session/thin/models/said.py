@@ -7,52 +7,37 @@ the leader is known to render from, or whole.
 
 from __future__ import annotations
 
-import math
-import struct
 from collections import OrderedDict
 from dataclasses import dataclass
-from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import ForetouchError
-from foretouch.messages import ModelUpdate, decode, encode
+from foretouch.messages import ModelUpdate, encode
 from foretouch.models import ContactMapModel
 from foretouch.models.contact_map.layout import MEMORY
 from foretouch.models.law_kernel import Law
-from foretouch.session.thin import coding, compact, felt
-from foretouch.session.thin.spared import spare
-from foretouch.session.thin.told import (
-    DIFFERENCE,
+from foretouch.session.thin.models import compact, felt
+from foretouch.session.thin.models.spared import spare
+from foretouch.session.thin.models.told import (
     FARTHEST_PLAY,
-    LENGTH,
     MEMORIES,
     MILLISECOND,
     NO_TEXTS,
     NOTHING,
-    OTHER,
     PLAIN,
     SALT,
-    TAG,
-    TEXTS,
-    UNTOUCHED,
     USUAL_MS,
-    WHOLE,
     Form,
     Kept,
     Texts,
     calm,
-    decode_texts,
     head_of,
     is_news,
-    memory_of_steps,
     row_of,
     start_of,
     steps_of_memory,
     tag_of,
-    texts_from,
     texts_of,
 )
 
@@ -62,7 +47,7 @@ PART = 0.5
 UNFELT = 0.15
 """Change of force by rounding, at most, in the same unit, where the material was touched."""
 
-STEADY_RATE, LEARNING_RATE, LEARNING_NS = 140.0, 500.0, 5_000_000_000
+STEADY_RATE, LEARNING_RATE, LEARNING_NS = 140.0, 560.0, 5_000_000_000
 """Bytes a second of models in the long run, and so long after there is a first model, or another material [ns]."""
 
 LARGEST_BURST, COSTLY = 500.0, 4.0
@@ -76,7 +61,7 @@ a model is acknowledged, those after it say again what it said."""
 LONGEST_NS = 2_000_000_000  # Longest time between two models [ns]
 PATIENCE = 1.5  # Round trips after which a model that nobody acknowledged is said again
 SELDOM_NS = 10_000_000_000  # Time between two messages of the numbers that only people look at [ns]
-KEPT, BASES = 64, 48  # Models that both ends keep, and the newest of them that differences refer to
+REMEMBERED, BASES = 64, 48  # Models that are remembered; and the newest, of which the other end keeps all
 
 
 @dataclass(slots=True, eq=False)
@@ -96,10 +81,11 @@ class ModelsSaid:
 
     Args:
         part: Change of force at which a model is said, as a part of the just noticeable difference.
+        plenty: How many times as many bytes it may take as it needs.
     """
 
-    def __init__(self, part: float = PART) -> None:
-        self._part, self._form = part, Form()
+    def __init__(self, part: float = PART, plenty: float = 1.0) -> None:
+        self._part, self._plenty, self._form = part, plenty, Form()
         self._sent: OrderedDict[int, _Sent] = OrderedDict()  # the newest by their numbers
         self._newest: _Sent | None = None
         self._base: _Sent | None = None  # the newest that the leader is known to have
@@ -108,13 +94,13 @@ class ModelsSaid:
         self._trip_ns = float(LONGEST_NS) / PATIENCE  # until a model is acknowledged
         self._whole, self._whole_ns = True, -LONGEST_NS
         self._seldom_ns = -SELDOM_NS
-        self._allowance, self._allowed_ns, self._learnt_ns = LARGEST_BURST, 0, -LEARNING_NS
-        for each in (felt.gap, felt.apart, felt.touch, felt.remember, spare):
+        self._allowance, self._allowed_ns, self._learnt_ns = plenty * LARGEST_BURST, 0, -LEARNING_NS
+        for each in (felt.gap, felt.apart, felt.touch, felt.suppose, felt.remember, spare):
             each.entry  # noqa: B018  # see `Form`
 
     def ask_whole(self) -> None:
         """The other end lost what differences refer to."""
-        self._whole = True
+        self._whole, self._base = True, None
 
     def offer(self, update: ModelUpdate, acknowledged: int, now_ns: int) -> bytes | None:
         """What is to be sent of this model, None where nobody would feel it.
@@ -126,15 +112,11 @@ class ModelsSaid:
         """
         self._note(acknowledged, now_ns)
         law, model = felt.law_of(update)
-        if model is not None and len(update.state) == MEMORY:
-            has = law, update.surface
-            if self._newest is not None:
-                has = self._newest.law, self._newest.surface
-            felt.touch.entry(law, update.surface, update.state, update.time_ns * 1e-9, *has, self._touches[0])
+        self._touch(update, law, model)
         said = texts_of(update, model is not None)
         rate = LEARNING_RATE if now_ns - self._learnt_ns < LEARNING_NS else STEADY_RATE
-        self._allowance += rate * 1e-9 * (now_ns - self._allowed_ns)
-        self._allowance, self._allowed_ns = min(self._allowance, LARGEST_BURST), now_ns
+        self._allowance += self._plenty * rate * 1e-9 * (now_ns - self._allowed_ns)
+        self._allowance, self._allowed_ns = min(self._allowance, self._plenty * LARGEST_BURST), now_ns
         if not self._is_due(update, law, said, now_ns):
             return None
         data = None if said is None else self._write(update, law, model, *said, now_ns)
@@ -144,6 +126,16 @@ class ModelsSaid:
                 Kept(tag_of(data), update.sequence, 0, 0, NO_TEXTS, 0, NOTHING.steps), len(data), update, law, now_ns
             )
         return data
+
+    def _touch(self, update: ModelUpdate, law: NDArray[np.void], model: ContactMapModel | None) -> None:
+        """Take note of where the material is touched; of a law without memory nothing tells."""
+        has = law, update.surface
+        if self._newest is not None:
+            has = self._newest.law, self._newest.surface
+        if model is not None and len(update.state) == MEMORY:
+            felt.touch.entry(law, update.surface, update.state, update.time_ns * 1e-9, *has, self._touches[0])
+        elif model is None and update.valid:
+            felt.suppose.entry(update.surface, *has, self._touches[0])
 
     def _note(self, acknowledged: int, now_ns: int) -> None:
         """Take note of what the leader renders from."""
@@ -175,15 +167,14 @@ class ModelsSaid:
         """Whether the leader would feel that it renders from a model that was sent in place of this one."""
         if said is not None and is_news(sent.kept.texts, said[0]):
             return True
-        if felt.moved(sent.fixture, update.fixture):
-            return True
-        touches = self._touches[0]
-        if not touches.count and abs(update.surface - sent.surface) > SURFACE_CHANGE:
-            return True
-        part = self._part * COSTLY ** max(1.0 - 2.0 * self._allowance / LARGEST_BURST, 0.0)
-        part *= 1.0 + HURRY_NS / max(since_ns, 1)
         if self._allowance < 0.0:
             return False
+        touches = self._touches[0]
+        nowhere = not touches.count and abs(update.surface - sent.surface) > SURFACE_CHANGE
+        if nowhere or felt.moved(sent.fixture, update.fixture):
+            return True
+        part = self._part * COSTLY ** max(1.0 - 2.0 * self._allowance / (self._plenty * LARGEST_BURST), 0.0)
+        part *= 1.0 + HURRY_NS / max(since_ns, 1)
         if sent is self._newest:
             return bool(felt.gap.entry(law, update.surface, touches) > part)
         return bool(felt.apart.entry(law, update.surface, sent.law, sent.surface, touches) > part)
@@ -264,88 +255,8 @@ class ModelsSaid:
         self._newest = self._sent[kept.sequence] = _Sent(kept, law, seen.surface, seen.fixture, now_ns)
         self._allowance -= size
         felt.remember.entry(law, seen.surface, self._touches[0])
-        while len(self._sent) > KEPT:
+        while len(self._sent) > REMEMBERED:
             self._sent.popitem(last=False)
 
 
 SURFACE_CHANGE = 1e-4  # Motion of a surface that is always said while nothing has been touched [m]
-
-
-class ModelsHeard:
-    """The leader's end: what arrives becomes the messages that the follower made, as far as they can be felt.
-
-    Attributes:
-        wants_whole: Whether a model came that differs from one that is not here.
-    """
-
-    def __init__(self) -> None:
-        self._form = Form()
-        self._kept: dict[int, Kept] = {}  # by their numbers
-        self.wants_whole = False
-
-    def take(self, data: bytes) -> ModelUpdate | None:
-        """The model of these bytes; None where they are none, or its base is not known: then `wants_whole` is True."""
-        try:
-            return self._take(data)
-        except (ForetouchError, msgspec.MsgspecError, struct.error, ValueError, OverflowError, RecursionError):
-            return None
-
-    def _take(self, data: bytes) -> ModelUpdate | None:
-        if not data:
-            return None
-        if data[0] == PLAIN:
-            update = decode(data[1:], ModelUpdate)
-            self._keep(Kept(tag_of(data), update.sequence, 0, 0, NO_TEXTS, 0, NOTHING.steps), update.run)
-            return update
-        kind, told, at = data[0] % TEXTS, [], 1
-        if kind not in (WHOLE, DIFFERENCE):
-            return None
-        base = NOTHING
-        if kind == DIFFERENCE:
-            (tag,) = TAG.unpack_from(data, at)
-            at += TAG.size
-            known = [kept for kept in self._kept.values() if kept.tag == tag]
-            if not known:
-                self.wants_whole = True
-                return None
-            base = max(known, key=lambda kept: kept.sequence)
-        if data[0] & TEXTS:
-            (length,) = LENGTH.unpack_from(data, at)
-            at += LENGTH.size
-            told, at = decode_texts(data[at : at + length], type=list), at + length
-        texts, whole = texts_from(base.texts, told)
-        if len(whole) != (3 if kind == WHOLE else 0):
-            return None
-        kept, memory = self._read(data[at:], base, texts, whole)
-        found = self._form.update_of(Kept(tag_of(data), *kept), memory)
-        if found is None:
-            return None
-        update = decode(encode(found), ModelUpdate)
-        self._keep(Kept(tag_of(data), *kept), update.run)
-        self.wants_whole = self.wants_whole and kind != WHOLE
-        return update
-
-    def _read(self, data: bytes, base: Kept, texts: Texts, whole: list[int]) -> Any:
-        """The fields of a `Kept` after its tag, and the state."""
-        memories = len(coding.MEMORY) if texts.state == MEMORIES else 0
-        heads, steps = self._form.read(data, len(coding.HEAD) + memories, start_of(base, texts.law), texts.is_map)
-        number, passed, commands, reason = heads[: len(coding.HEAD)]
-        if not 0 <= reason <= OTHER:
-            raise ValueError("no such reason")
-        state = memory_of_steps(heads[len(coding.HEAD) :]) if memories else ()
-        if texts.state == UNTOUCHED:
-            state = (math.nan,) * MEMORY
-        if not whole:
-            passed += USUAL_MS * number
-            time_ns = base.time_ns + passed * MILLISECOND
-            whole = [base.sequence + number, time_ns, base.command_sequence + commands + passed]
-        return (*whole, texts, reason, steps), state
-
-    def _keep(self, kept: Kept, run: int) -> None:
-        """Remember a model that came; those of another run of the follower are of no use any more."""
-        self._kept = {
-            number: one for number, one in self._kept.items() if one.texts.run == run or one.steps is NOTHING.steps
-        }
-        self._kept[kept.sequence] = kept
-        if len(self._kept) > KEPT:
-            del self._kept[min(self._kept)]

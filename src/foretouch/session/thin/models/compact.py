@@ -1,7 +1,7 @@
 """A model as whole numbers: each number on a grid as fine as can be felt.
 
 There are even steps up to one unit, and even ratios from there on. Both ends keep the steps of the models that crossed,
-and what is written is the difference to one of them (`foretouch.session.thin.coding`), so that no rounding adds up.
+and what is written is the difference to one of them (`foretouch.session.thin.models.coding`): no rounding adds up.
 """
 
 from __future__ import annotations

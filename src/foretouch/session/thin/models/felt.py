@@ -180,6 +180,23 @@ def touch(
         touches.forces[point] = force_at(formers[0], former, touches, point)
 
 
+SUPPOSED = 1e-3 * np.array([0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0])
+SUPPOSED_SPEEDS = np.array([-0.03, 0.0, 0.03])
+"""Depths [m] and speeds [m/s] at which laws without memory are compared."""
+
+
+@kernel("(f8, Law[::1], f8, Touches)")
+def suppose(surface: float, formers: NDArray[np.void], former: float, touches: Touches) -> None:
+    """Suppose that the material is touched as most are, from this surface [m] on; the others are those of `touch`."""
+    point = AT_DEPTHS
+    for index in range(len(SUPPOSED)):
+        for speed in SUPPOSED_SPEEDS:
+            touches.positions[point], touches.velocities[point] = surface + SUPPOSED[index], speed
+            touches.aheads[point], touches.known[point] = NO_TIME, 1
+            touches.forces[point] = force_at(formers[0], former, touches, point)
+            point += 1
+
+
 def law_of(update: ModelUpdate) -> tuple[NDArray[np.void], ContactMapModel | None]:
     """The law of a model, an array of one, and its map; no law where it is not valid or cannot be evaluated."""
     model: ContactModel | None = None

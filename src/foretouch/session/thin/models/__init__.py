@@ -1,0 +1,1 @@
+"""Models over a thin link: when one can be felt, and in how few bytes."""
