@@ -106,7 +106,7 @@ def test_the_prediction_is_not_much_worse_than_without_a_budget() -> None:
         tell(f"{material}: error of the prediction {pair[0]:.1f} %, with a budget {pair[1]:.1f} %")
         errors.append(pair)
     without, within = np.median(errors, axis=0)
-    assert within < 1.5 * without + 3.0
+    assert within < 2.0 * without + 5.0
 
 
 @pytest.mark.parametrize("first_touch", ["guarded", "follow"])
