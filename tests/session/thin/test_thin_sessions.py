@@ -120,7 +120,7 @@ def test_a_session_in_space_is_safe_within_the_budget(first_touch: str) -> None:
 
 
 @pytest.mark.parametrize("faults", [{"loss": 0.05, "jitter": 0.02}, {"loss": 0.3}, {"network": "low-orbit"}])
-@pytest.mark.parametrize("scene", ["", "plane"])
+@pytest.mark.parametrize("scene", ["", pytest.param("plane", marks=pytest.mark.long)])
 def test_a_bad_network_makes_no_session_unsafe(faults: dict[str, Any], scene: str) -> None:
     log, kept = run(grip="normal", scene=scene, **faults)
     require_safe(log)
@@ -130,7 +130,7 @@ def test_a_bad_network_makes_no_session_unsafe(faults: dict[str, Any], scene: st
     assert commanded[-1] > 5000
 
 
-@pytest.mark.parametrize("scene", ["", "plane"])
+@pytest.mark.parametrize("scene", ["", pytest.param("plane", marks=pytest.mark.long)])
 def test_after_an_outage_the_robot_has_held_and_nothing_old_is_played(scene: str) -> None:
     """Outages of 2 s in either direction: held as without a budget, and then what is commanded then."""
     held, oldest = {}, {}
