@@ -152,6 +152,15 @@ class LossTrace(NamedTuple):
     sent: tuple[float, float] = (NAN, NAN)
 
 
+def _append(counts: deque[tuple[float, int]], now: float, count: int) -> None:
+    """Append a counter, and drop what is too old, or of a process that began anew."""
+    if counts and count < counts[-1][1]:
+        counts.clear()
+    counts.append((now, count))
+    while len(counts) > 2 and counts[0][0] < now - OVER:
+        counts.popleft()
+
+
 class Losses:
     """Counters of both sides as they come, and the fractions computed from them; one thread stores, another reads."""
 
@@ -159,17 +168,15 @@ class Losses:
         self._counts: dict[str, deque[tuple[float, int]]] = {role: deque(maxlen=MOST) for role in COUNTERS}
         self._shares: deque[tuple[float, float, float]] = deque(maxlen=MOST)
         self._newest = dict.fromkeys(COUNTERS, NAN)
-        self._bytes: dict[str, tuple[float, int]] = {}
+        self._bytes: dict[str, deque[tuple[float, int]]] = {role: deque(maxlen=MOST) for role in COUNTERS}
         self._sent = dict.fromkeys(COUNTERS, NAN)
 
-    def _take_bytes(self, role: str, count: int | None, now: float) -> None:
-        """Store the bytes that a side has sent over a thin link: the rate is that between two hellos."""
-        since, before = self._bytes.get(role, (now, 0))
-        if count is None:
-            self._sent[role] = NAN
-        elif count != before or now - since > OVER:
-            self._sent[role] = (count - before) / (now - since) if count >= before and now > since else NAN
-            self._bytes[role] = now, count
+    def _take_bytes(self, role: str, count: int, now: float) -> None:
+        """Store the bytes that a side has sent over a thin link."""
+        counts = self._bytes[role]
+        _append(counts, now, count)
+        since, before = counts[0]
+        self._sent[role] = (count - before) / (now - since) if now > since else NAN
 
     def take(self, role: str, texts: Mapping[str, str], now: float) -> None:
         """Store the counters in the texts of a side's `Hello`, received at a time [s]."""
@@ -177,15 +184,12 @@ class Losses:
             return
         name, rate = COUNTERS[role]
         told = split_texts(texts)[1]
-        self._take_bytes(role, told.get(f"{role}_thin_bytes"), now)
+        if (sent := told.get(f"{role}_thin_bytes")) is not None:
+            self._take_bytes(role, sent, now)
         counts, count = self._counts[role], told.get(name)
         if count is None:
             return
-        if counts and count < counts[-1][1]:  # a process that began anew
-            counts.clear()
-        counts.append((now, count))
-        while len(counts) > 2 and counts[0][0] < now - OVER:
-            counts.popleft()
+        _append(counts, now, count)
         since, before = counts[0]
         if now > since:
             self._newest[role] = min(100.0 * (count - before) / (rate * (now - since)), 100.0)

@@ -44,7 +44,7 @@ SLIDERS = {
 """Of each fault: the label, the end of its slider, its step and what it is."""
 
 
-STALL = "Longest time without an answer, shown above"
+STALL = "Longest time without an answer"
 LEAST_STALL = 0.02  # Time without an answer that is no stall [s]
 
 
@@ -99,7 +99,7 @@ class NetworkPanel:
         rows.append(Row(STALL, number(longest_stall(window.time, window.round_trip), "s", 2)))
         for way, sent in zip(("there", "back"), losses.sent, strict=True):
             if math.isfinite(sent):
-                rows.append(Row(f"Sent {way}", f"{sent:,.0f} of {budget:,.0f} bytes/s"))
+                rows.append(Row(f"Sent {way} [bytes/s], of {budget:,.0f}", f"{sent:,.0f}"))
         put(self._text, content=inset(table(rows)))
 
     def show_stages(self, now: float, rows: Callable[[], tuple[Rows, Rows]], settings: Mapping[str, str]) -> None:
