@@ -59,13 +59,13 @@ from foretouch.session.thin.told import (
 PART = 0.5
 """Change of force at which a model is said, as a part of the just noticeable difference."""
 
-UNFELT = 0.15
-"""Change of force by rounding, at most, in the same unit, where the material was touched."""
+UNFELT = 0.012
+"""Change of small forces by rounding, at most, where the material was touched [N]."""
 
-STEADY_RATE, LEARNING_RATE, LEARNING_NS = 140.0, 560.0, 5_000_000_000
+STEADY_RATE, LEARNING_RATE, LEARNING_NS = 115.0, 560.0, 5_000_000_000
 """Bytes a second of models in the long run, and so long after there is a first model, or another material [ns]."""
 
-LARGEST_BURST, COSTLY = 500.0, 4.0
+LARGEST_BURST, COSTLY = 500.0, 2.0
 """Bytes that may be saved up. Where less than a half of them are left, only a larger change is said, up to so many
 times as large: it is better to say much of the next press than everything of the first."""
 
