@@ -69,7 +69,7 @@ LARGEST_BURST, COSTLY = 500.0, 2.0
 """Bytes that may be saved up. Where less than a half of them are left, only a larger change is said, up to so many
 times as large: it is better to say much of the next press than everything of the first."""
 
-HURRY_NS = 100_000_000
+HURRY_NS = 20_000_000
 """The sooner after the newest model, the larger is the change that is said: twice as large after this time [ns]. Until
 a model is acknowledged, those after it say again what it said."""
 
