@@ -1,4 +1,4 @@
-"""The form in which a model crosses a thin link: its texts, where they changed, and its numbers in steps.
+"""The form in which a model crosses a thin link, and the end that hears it: texts that changed, and numbers in steps.
 
 A message begins with a byte that says what it is; that which differs from another model then has two bytes that name
 it. Texts that changed follow as msgpack, with their length before them, and then the bits of the numbers.
@@ -17,8 +17,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.errors import ForetouchError
 from foretouch.identification import Status
-from foretouch.messages import VERSION, ModelUpdate
+from foretouch.messages import VERSION, ModelUpdate, decode, encode
 from foretouch.models import ContactMapModel
 from foretouch.models.contact_map.layout import MEMORY, PLAYS, Map
 from foretouch.session.thin import coding, compact
@@ -293,3 +294,86 @@ def texts_from(base: Texts, told: list[Any]) -> tuple[Texts, list[int]]:
     if not _fits(texts) or not all(type(value) is int for value in rest):
         raise ValueError("no such model")
     return texts, rest
+
+
+KEPT = 64  # Models that both ends keep
+
+
+class ModelsHeard:
+    """The leader's end: what arrives becomes the messages that the follower made, as far as they can be felt.
+
+    Attributes:
+        wants_whole: Whether a model came that differs from one that is not here.
+    """
+
+    def __init__(self) -> None:
+        self._form = Form()
+        self._kept: dict[int, Kept] = {}  # by their numbers
+        self.wants_whole = False
+
+    def take(self, data: bytes) -> ModelUpdate | None:
+        """The model of these bytes; None where they are none, or its base is not known: then `wants_whole` is True."""
+        try:
+            return self._take(data)
+        except (ForetouchError, msgspec.MsgspecError, struct.error, ValueError, OverflowError, RecursionError):
+            return None
+
+    def _take(self, data: bytes) -> ModelUpdate | None:
+        if not data:
+            return None
+        if data[0] == PLAIN:
+            update = decode(data[1:], ModelUpdate)
+            self._keep(Kept(tag_of(data), update.sequence, 0, 0, NO_TEXTS, 0, NOTHING.steps), update.run)
+            return update
+        kind, told, at = data[0] % TEXTS, [], 1
+        if kind not in (WHOLE, DIFFERENCE):
+            return None
+        base = NOTHING
+        if kind == DIFFERENCE:
+            (tag,) = TAG.unpack_from(data, at)
+            at += TAG.size
+            known = [kept for kept in self._kept.values() if kept.tag == tag]
+            if not known:
+                self.wants_whole = True
+                return None
+            base = max(known, key=lambda kept: kept.sequence)
+        if data[0] & TEXTS:
+            (length,) = LENGTH.unpack_from(data, at)
+            at += LENGTH.size
+            told, at = decode_texts(data[at : at + length], type=list), at + length
+        texts, whole = texts_from(base.texts, told)
+        if len(whole) != (3 if kind == WHOLE else 0):
+            return None
+        kept, memory = self._read(data[at:], base, texts, whole)
+        found = self._form.update_of(Kept(tag_of(data), *kept), memory)
+        if found is None:
+            return None
+        update = decode(encode(found), ModelUpdate)
+        self._keep(Kept(tag_of(data), *kept), update.run)
+        self.wants_whole = self.wants_whole and kind != WHOLE
+        return update
+
+    def _read(self, data: bytes, base: Kept, texts: Texts, whole: list[int]) -> Any:
+        """The fields of a `Kept` after its tag, and the state."""
+        memories = len(coding.MEMORY) if texts.state == MEMORIES else 0
+        heads, steps = self._form.read(data, len(coding.HEAD) + memories, start_of(base, texts.law), texts.is_map)
+        number, passed, commands, reason = heads[: len(coding.HEAD)]
+        if not 0 <= reason <= OTHER:
+            raise ValueError("no such reason")
+        state = memory_of_steps(heads[len(coding.HEAD) :]) if memories else ()
+        if texts.state == UNTOUCHED:
+            state = (math.nan,) * MEMORY
+        if not whole:
+            passed += USUAL_MS * number
+            time_ns = base.time_ns + passed * MILLISECOND
+            whole = [base.sequence + number, time_ns, base.command_sequence + commands + passed]
+        return (*whole, texts, reason, steps), state
+
+    def _keep(self, kept: Kept, run: int) -> None:
+        """Remember a model that came; those of another run of the follower are of no use any more."""
+        self._kept = {
+            number: one for number, one in self._kept.items() if one.texts.run == run or one.steps is NOTHING.steps
+        }
+        self._kept[kept.sequence] = kept
+        if len(self._kept) > KEPT:
+            del self._kept[min(self._kept)]
