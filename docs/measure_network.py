@@ -28,7 +28,7 @@ from foretouch.session.thin.models.said import PART, ModelsSaid
 DURATION = 20.0  # Of a session [s]
 LEARNING = 5.0  # After the first valid model, and after each change of the material [s]: the rest is steady
 CHOSEN_ON = range(101, 105)  # Seeds that parts were chosen on
-PARTS = (0.125, 0.25, 0.5, 1.0)
+PARTS = (0.1, 0.2, 0.4, 0.8)
 
 
 class ThinModels:

@@ -41,20 +41,20 @@ from foretouch.session.thin.models.told import (
     texts_of,
 )
 
-PART = 0.5
-"""Change of force at which a model is said, as a part of the just noticeable difference."""
+PART = 0.2
+"""Change of force at which a model is said while bytes are saved up, as a part of the just noticeable difference."""
 
-UNFELT = 0.15
-"""Change of force by rounding, at most, in the same unit, where the material was touched."""
+ROUNDED, LEAST_ROUNDED = 0.5, 0.3
+"""Change at which rounding is as rough as it may be; and the part of that by which it is in any case."""
 
-STEADY_RATE, LEARNING_RATE, LEARNING_NS = 140.0, 560.0, 5_000_000_000
+STEADY_RATE, LEARNING_RATE, LEARNING_NS = 115.0, 560.0, 5_000_000_000
 """Bytes a second of models in the long run, and so long after there is a first model, or another material [ns]."""
 
-LARGEST_BURST, COSTLY = 500.0, 4.0
-"""Bytes that may be saved up. Where less than a half of them are left, only a larger change is said, up to so many
-times as large: it is better to say much of the next press than everything of the first."""
+LARGEST_BURST, COSTLY = 500.0, 8.0
+"""Bytes that may be saved up. The fewer of them are left, the larger is the change that is said, up to so many times as
+large: it is better to say much of the next press than everything of the first."""
 
-HURRY_NS = 100_000_000
+HURRY_NS = 20_000_000
 """The sooner after the newest model, the larger is the change that is said: twice as large after this time [ns]. Until
 a model is acknowledged, those after it say again what it said."""
 
@@ -80,7 +80,8 @@ class ModelsSaid:
     """The follower's end: says what the leader would feel.
 
     Args:
-        part: Change of force at which a model is said, as a part of the just noticeable difference.
+        part: Change of force at which a model is said while bytes are saved up, as a part of the just noticeable
+            difference.
         plenty: How many times as many bytes it may take as it needs.
     """
 
@@ -173,11 +174,15 @@ class ModelsSaid:
         nowhere = not touches.count and abs(update.surface - sent.surface) > SURFACE_CHANGE
         if nowhere or felt.moved(sent.fixture, update.fixture):
             return True
-        part = self._part * COSTLY ** max(1.0 - 2.0 * self._allowance / (self._plenty * LARGEST_BURST), 0.0)
-        part *= 1.0 + HURRY_NS / max(since_ns, 1)
+        part = self._change() * (1.0 + HURRY_NS / max(since_ns, 1))
         if sent is self._newest:
             return bool(felt.gap.entry(law, update.surface, touches) > part)
         return bool(felt.apart.entry(law, update.surface, sent.law, sent.surface, touches) > part)
+
+    def _change(self) -> float:
+        """Change of force at which a model is said now, in just noticeable differences."""
+        left = max(self._allowance, 0.0) / (self._plenty * LARGEST_BURST)
+        return float(self._part * COSTLY ** (1.0 - left))
 
     def _write(
         self,
@@ -214,7 +219,7 @@ class ModelsSaid:
                 self._other,
                 self._form.maps,
                 self._touches[0],
-                UNFELT,
+                min(max(self._change() / ROUNDED, LEAST_ROUNDED), 1.0),
             )
         head, heads = head_of(base, texts, update)
         numbers = self._form.write([*heads, reason, *memory], start, steps, is_map)

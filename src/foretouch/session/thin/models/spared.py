@@ -22,8 +22,10 @@ from foretouch.session.thin.models.felt import (
     POINTS,
     Touches,
     force_at,
-    noticed,
 )
+
+UNFELT, UNFELT_SHARE = 0.012, 0.018
+"""Change of force by rounding, at most, where the material was touched [N], or as a part of the force."""
 
 AIR_SPEED, PART_OF_SPEED = 0.02, 0.4  # Speed in the air [m/s], and the part of the largest speed in contact elsewhere
 
@@ -59,10 +61,12 @@ def _place_all(law: Law, surface: float, touches: Touches) -> None:
 
 @compiled
 def _is_near(law: Law, surface: float, touches: Touches, forces: NDArray[np.float64], limit: float) -> bool:
-    """Whether a law gives these forces at all points, but for so many just noticeable differences."""
+    """Whether a law gives these forces [N] at all points, but for this part of what rounding may change."""
     for point in range(POINTS - 1, -1, -1):
-        if touches.known[point] != 0 and not noticed(force_at(law, surface, touches, point), forces[point]) <= limit:
-            return False
+        if touches.known[point] != 0:
+            wrong = abs(force_at(law, surface, touches, point) - forces[point])
+            if not wrong <= limit * max(UNFELT, UNFELT_SHARE * abs(forces[point])):
+                return False
     return True
 
 
@@ -137,7 +141,7 @@ def spare(
         others: An array of one, which is written.
         maps: The same.
         touches: Points where forces are compared.
-        limit: Difference that cannot be felt, in just noticeable differences.
+        limit: Part of what rounding may change.
     """
     wanted, kept = scratch(np.float64, POINTS), scratch(np.int64, MOST_OF_A_PART)
     _place_all(laws[0], surface, touches)
