@@ -40,7 +40,7 @@ from foretouch.session.thin.models.said import ModelsSaid
 EMERGENCY = 5  # Kind of a record: an emergency stop
 LONGEST_WORD, LARGEST_PRESS = 12, (1 << 63) - 1  # Bytes of its reason, and its number at most
 
-ENVELOPE = 10  # Bytes of a packet around its content
+ENVELOPE = 11  # Bytes of a packet around its content, at most
 HELD_UP = 0.02  # Time that one packet may take, by the budget, so that a stop waits no longer for the one before it [s]
 ENOUGH = 1000.0  # Bytes a second that are enough for models as they are said over the thinnest links
 SHARE = 0.7  # Part of the budget that lines may take beyond what is due while models or others wait

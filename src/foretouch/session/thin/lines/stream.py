@@ -18,8 +18,8 @@ from foretouch.core import Record, compiled, kernel
 
 MOST = 16  # Numbers for which there is room
 WINDOW = 8
-"""Newest ticks of which the slope is taken, the least squares' one: of 4, 8, 16 and 30, these need the fewest packets
-in hands at 24 to 31 a second, which hardly depends on it."""
+"""Newest ticks of which the slope is taken, the least squares' one. Fewer see the steps of an encoder, more lag behind:
+of 4, 8, 16 and 30 it needs the fewest packets, by little."""
 
 LONGEST_GAP = 50  # Ticks between two packets at most: what is silent for longer is not there
 REACH = 100  # Ticks for which lines go on without a packet: the longest gap twice, so that one may be lost
@@ -90,7 +90,6 @@ of 0.1 mm/s, up to 3.2 m/s."""
 PLACE = Number(bound=2e-4, step=2e-6, slope_step=1e-7)  # One that is only shown [m]
 FORCE = Number(bound=0.05, step=2e-3, slope_step=1e-3, share=0.05)
 """A force [N]: within 0.05 N and a twentieth of itself, of which people tell a tenth."""
-UNIT = Number(bound=0.02, step=1e-4, slope_step=1e-5)  # A component of a direction
 
 
 def said(numbers: tuple[Number, ...], positions: int) -> NDArray[Any]:
