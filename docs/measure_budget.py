@@ -1,7 +1,7 @@
 """Measure sessions over thin and over measured networks, and write docs/thin-links.md's tables and figure.
 
-Usage: `.venv/bin/python docs/measure_budget.py [budgets] [traces] [cost]`, without names for all: 40 minutes on two
-cores. The seeds are 9001 to 9008, on which nothing was chosen.
+Usage: `.venv/bin/python docs/measure_budget.py [budgets] [traces] [cost]`, without names for all: an hour on two
+cores. The seeds are 9001 to 9008.
 """
 
 from __future__ import annotations
@@ -203,7 +203,7 @@ def main() -> None:
     for name in sys.argv[1:] or SECTIONS:
         measured |= SECTIONS[name]()
         print(measured[name], flush=True)
-    fill(PAGE, measured)
+    fill(PAGE, {name: text for name, text in measured.items() if name != "traces"})
 
 
 if __name__ == "__main__":

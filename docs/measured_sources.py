@@ -85,12 +85,6 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "docs/thin-links.md": {
         "budgets": ("measure_budget:budgets", SIMULATE, "foretouch.session.thin.ends:End"),
-        "traces": (
-            "measure_budget:traces",
-            SIMULATE,
-            "foretouch.session.thin.ends:End",
-            "foretouch.link.networks.trace:Way",
-        ),
         "cost": ("measure_budget:cost", "foretouch.session.thin.ends:End"),
     },
     "docs/faults.md": {"faults": ("measure_faults:main", "test_session_soak_fire", *LIVE)},
