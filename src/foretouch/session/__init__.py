@@ -17,17 +17,15 @@ from foretouch.session.processes.recorder import RECORDER_CHANNELS, RECORDING_IN
 from foretouch.session.replay.machines import recorded_settings
 from foretouch.session.replay.replay import Replay, replay
 from foretouch.session.replay.under import CLOSED_LOOP, FIXED_MOTION, material_answers, replay_notes, replay_under
-from foretouch.session.runners.housekeeping import Housekeeper, Process, StopFlag, orphaned
-from foretouch.session.runners.live import (
+from foretouch.session.runners.channels import (
     FOLLOWER_CHANNELS,
     LEADER_CHANNELS,
     hear_packets,
     join_thin,
-    run_follower,
-    run_leader,
     side_channels,
-    wait_for_hello,
 )
+from foretouch.session.runners.housekeeping import Housekeeper, Process, StopFlag, orphaned
+from foretouch.session.runners.live import run_follower, run_leader, wait_for_hello
 from foretouch.session.runners.loop_timer import be_prompt, give_way
 from foretouch.session.runners.shadow import SHADOW_CHANNELS, run_shadow
 from foretouch.session.runners.simulated import SimulatedSession, simulate

@@ -18,11 +18,10 @@ from foretouch.messages import COUNT_PREFIX, PROCESS, SIDES, SINCE, VERSION, Eme
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.network.lease import Contest, own_epoch
 from foretouch.session.operators import close_operator
+from foretouch.session.runners.channels import hear_packets, join_thin
 from foretouch.session.runners.driven import (
     Driven,
     DrivenFollower,
-    SpaceFollower,
-    SpaceLeader,
     Tick,
     drive_follower,
     drive_leader,
@@ -34,37 +33,6 @@ from foretouch.session.runners.warm_up import prepare
 from foretouch.session.safety.safety import LEFT
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.thin import FollowerEnd, LeaderEnd
-
-FOLLOWER_CHANNELS = ("command", "settings", "stop", "emergency", "hello", *SpaceFollower.channels)
-"""Channels that the follower's link receives; the last is silent along a line."""
-
-LEADER_CHANNELS = ("model", "telemetry", "handle", "settings", "stop", "hello", *SpaceLeader.channels)
-"""Channels that the leader's link receives; the last two are silent along a line."""
-
-THIN_CHANNELS = {
-    "follower": ("forth", "settings", "stop", "emergency"),
-    "leader": ("back", "handle", "settings", "stop"),
-}
-"""Channels that a side's link receives over a thin link: all else of the other side comes in its packets."""
-
-
-def side_channels(side: str, settings: SessionSettings) -> tuple[str, ...]:
-    """Channels that the link of a side receives, "leader" or "follower"."""
-    if settings.budget:
-        return THIN_CHANNELS[side]
-    return LEADER_CHANNELS if side == "leader" else FOLLOWER_CHANNELS
-
-
-def join_thin(link: ZenohLink, end: LeaderEnd | FollowerEnd | None) -> None:
-    """Let an end take what a side says beside its step, and give what it hears beside that."""
-    if end is not None:
-        link.aside, end.deliver = end.offer, link.deliver
-
-
-def hear_packets(link: ZenohLink, end: LeaderEnd | FollowerEnd) -> None:
-    """Hear what an end's other side says before this side has begun."""
-    end.heard([packet for _, packet in link.take(end.from_other)], time.monotonic_ns())
-
 
 MOST_PRESSES = 1024  # Number of emergency-stop presses remembered, so that a repeated message is recognised
 
