@@ -59,7 +59,7 @@ def test_no_second_has_more_bytes_than_the_budget_and_a_packet(weight: str, budg
     for end, sent in zip((both.leader, both.follower), both.sent, strict=True):
         largest = max(size for _, size in sent)
         assert most_in_a_second(sent) <= budget + largest
-        assert 0 <= end.sent - sum(size for _, size in sent) <= 4 * end.packets  # a number may be shorter
+        assert 0 <= end.sent - sum(size for _, size in sent) <= 5 * end.packets  # a number may be shorter
         assert end.packets == len(sent)
         if "saturated" in weight:
             assert end.sent > 0.9 * budget * SECONDS
