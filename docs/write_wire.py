@@ -233,7 +233,7 @@ def vectors() -> list[dict[str, Any]]:
             made.append(vector(what, kind(*values), encode(kind(*values))))
         made.append(vector("what may be left out is", kind(*least), msgspec.msgpack.encode(list(least))))
     other = CHANNELS["command"].kind(VERSION, 1, 2, 3.0, 4)
-    numbers = bytes.fromhex("dd00000005 cf000000000000000e d100 01 cd0002 03 d004".replace(" ", ""))
+    numbers = bytes.fromhex(f"dd00000005 cf{VERSION:016x} d100 01 cd0002 03 d004".replace(" ", ""))
     made.append(vector("other forms of the same numbers", other, numbers))
     narrow = bytes.fromhex("950e0102 ca3fc00000 04".replace(" ", ""))
     made.append(vector("a number in 32 bits", CHANNELS["command"].kind(VERSION, 1, 2, 1.5, 4), narrow))

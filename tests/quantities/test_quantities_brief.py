@@ -60,7 +60,8 @@ def test_whatever_is_public_shows_itself_in_ten_lines(results: dict[str, object]
     assert repr(results["log"]).startswith("SessionLog(leader=<1,500 rows of ")
     assert repr(results["recording"]) == ("Recording(time=<900 float64>, position=<900 float64>, force=<900 float64>)")
     chosen = "material='foam-measured', model='contact-map', estimator='bank'"
-    assert repr(foretouch.SessionSettings()) == f"SessionSettings({chosen})"
+    delays = "position_delay=0.08, force_delay=0.3"
+    assert " ".join(repr(foretouch.SessionSettings()).split()) == f"SessionSettings({chosen}, {delays})"
     assert "material='hunt-crossley'" in repr(results["settings"])
     assert eval(repr(results["settings"]), {"SessionSettings": foretouch.SessionSettings}) == results["settings"]
 
