@@ -235,7 +235,7 @@ def vectors() -> list[dict[str, Any]]:
     other = CHANNELS["command"].kind(VERSION, 1, 2, 3.0, 4)
     numbers = bytes.fromhex(f"dd00000005 cf{VERSION:016x} d100 01 cd0002 03 d004".replace(" ", ""))
     made.append(vector("other forms of the same numbers", other, numbers))
-    narrow = bytes.fromhex("950e0102 ca3fc00000 04".replace(" ", ""))
+    narrow = bytes.fromhex(f"95{VERSION:02x}0102 ca3fc00000 04".replace(" ", ""))
     made.append(vector("a number in 32 bits", CHANNELS["command"].kind(VERSION, 1, 2, 1.5, 4), narrow))
     return made
 
