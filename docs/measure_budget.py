@@ -155,6 +155,8 @@ def draw(found: Any, late: Any) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
+    from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
+
     from foretouch.quantities import new_figure
 
     drawing = new_figure(8.4)
@@ -163,13 +165,7 @@ def draw(found: Any, late: Any) -> None:
     series = (
         (found, ("error", "there", "back"), "#0072B2", "o", "force of the model"),
         (late, ("error", "there", "back"), "#D55E00", "s", "delayed force, said as the thin link says it"),
-        (
-            found[:1],
-            ("codec", "there", "codec_back"),
-            "#009E73",
-            "^",
-            "delayed force with a deadband of 10 %, not felt",
-        ),
+        (found[2:3], ("codec", "there", "codec_back"), "#009E73", "^", "delayed force, deadband of 10 %, open loop"),
     )
     for rows, (wrong, there, back), colour, marker, name in series:
         thin = rows[1:] if rows.shape[0] > 1 else rows
@@ -192,6 +188,9 @@ def draw(found: Any, late: Any) -> None:
     phantom.set(yscale="log", ylabel="phantom force [mN]", xlabel="bytes a second, both ways together")
     error.set_title("What a thin link costs: 13 materials, medians and quartiles; below, means")
     error.legend(frameon=False, fontsize="small")
+    phantom.xaxis.set_major_locator(FixedLocator((1000, 2000, 5000, 10000)))
+    phantom.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
+    phantom.xaxis.set_minor_formatter(NullFormatter())
     drawing.tight_layout()
     drawing.savefig(PICTURE, dpi=150)
 
