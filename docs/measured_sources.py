@@ -59,6 +59,7 @@ LIVE = (
 
 REPLAY = "foretouch.cli.commands.sessions:replay"
 SIMULATE = "foretouch.cli.commands.sessions:simulate"
+THIN = SIMULATE, "foretouch.session.thin.ends:End"
 
 TUNED = ("designs.tuned:predict_all", "designs.tuned:install", "designs.tuned:Finder")
 """What a process of its own does with one number changed."""
@@ -84,7 +85,10 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
         ),
     },
     "docs/thin-links.md": {
-        "budgets": ("measure_budget:budgets", SIMULATE, "foretouch.session.thin.ends:End"),
+        **dict.fromkeys(
+            ("budgets", "delayed"), ("measure_budget:budgets", SIMULATE, "foretouch.session.thin.ends:End")
+        ),
+        "traces": ("measure_budget:traces", *THIN),
         "cost": ("measure_budget:cost", "foretouch.session.thin.ends:End"),
     },
     "docs/faults.md": {"faults": ("measure_faults:main", "test_session_soak_fire", *LIVE)},

@@ -3,12 +3,13 @@
 Starts `foretouch teleop`, opens its console in Chromium, and writes to `docs/images`: `console.png`, the mouse
 pressing; `console-model.png`, what was learnt; `console-recording.png`, a recording beside a second run under a longer
 delay; `console-stopped.png`, after the emergency stop; and `console-unreached.png`, while the console hangs. A second
-session, over the phantom, gives
-`console-scene.png`, the script palpating with the virtual probe drawn over the image, and `console-scene-pressed.png`,
-the mouse pressing beside what is known of the fixture. Recordings of the three simulated arms that press the phantom
-give `console-arms.png`.
+session, over the phantom, gives `console-scene.png`, the script palpating with the virtual probe drawn over the image,
+and `console-scene-pressed.png`, the mouse pressing beside what is known of the fixture. A third, of 2,000 bytes a
+second over the slowest of the measured networks, gives `console-thin.png`. Recordings of the three simulated arms that
+press the phantom give `console-arms.png`.
 
-Usage: `make screenshots`, or `.venv/bin/python docs/take_screenshots.py [PORT [line|scene|arms]]`; all without a word.
+Usage: `make screenshots`, or `.venv/bin/python docs/take_screenshots.py [PORT [line|scene|thin|arms]]`; all without the
+last word.
 """
 
 from __future__ import annotations
@@ -43,6 +44,10 @@ PRESSED, MODEL, RECORDING, STOPPED, UNREACHED = (
 )
 ARMS_PRESSING = IMAGES / "console-arms.png"
 SCENE, SCENE_PRESSED = (IMAGES / f"{name}.png" for name in ("console-scene", "console-scene-pressed"))
+THIN = IMAGES / "console-thin.png"
+THIN_SESSION = ("--budget", "2000", "--network", "5g-rural", "--grip", "normal")
+THIN_WATCHED = 60.0
+"""So long that session goes on before its picture is taken [s]: it has stood still for some seconds by then."""
 ARM_NAMES = {"fr3": "FR3", "ur5e": "UR5e", "so101": "SO-101"}
 ARM_SESSION = 12.0
 """Length of the recording with each arm [s]: the script has pressed some times then."""
@@ -70,11 +75,13 @@ SETTLED = 1.5
 
 
 def main(port: int, which: str = "") -> None:
-    """Take the pictures of a session along a line, of one in three dimensions, of arms, or of all."""
+    """Take the pictures of a session along a line, of one in three dimensions, over a thin link, of arms, or of all."""
     if which in ("", "line"):
         _session(port, (), _take, (PRESSED, MODEL, RECORDING, STOPPED, UNREACHED))
     if which in ("", "scene"):
         _session(port, ("--scene", "phantom"), _take_scene, (SCENE, SCENE_PRESSED))
+    if which in ("", "thin"):
+        _session(port, THIN_SESSION, _take_thin, (THIN,))
     if which in ("", "arms"):
         with tempfile.TemporaryDirectory() as folder:
             _take_arms(port, Path(folder))
@@ -152,6 +159,14 @@ def _take_scene(url: str, _: Hanging) -> None:
             _scroll(page, to_end=True)
             page.wait_for_timeout(1500)
             _picture(page, SCENE_PRESSED)
+
+
+def _take_thin(url: str, _: Hanging) -> None:
+    """Watch the script press over a network that stands still now and then."""
+    with open_page(url, 1280, 900) as (page, _):
+        open_tab(page, "Network")
+        page.wait_for_timeout(1000 * THIN_WATCHED)
+        page.screenshot(path=THIN)
 
 
 def _take_arms(port: int, folder: Path) -> None:
