@@ -2,8 +2,8 @@
 
 An end stands between the steps of its side and the network. What it sends in a second is kept within a budget, the most
 urgent first: an emergency stop at once; then the lines of commands or telemetry, in each
-`foretouch.session.thin.lines.stream.LONGEST_GAP` ticks at least, which is also the sign of life; models; and what is
-only looked at.
+`foretouch.session.thin.lines.stream.LONGEST_GAP` ticks at least, which is also the sign of life; models; what is
+only looked at; and images, in the room that packets have left, with bytes that nothing else would have taken.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from foretouch.link import SequenceCounter, network_trace
 from foretouch.messages import (
     COUNT_PREFIX,
     VERSION,
+    CameraImage,
     Command,
     EmergencyStop,
     FieldUpdate,
@@ -47,7 +48,8 @@ SHARE = 0.7  # Part of the budget that lines may take beyond what is due while m
 NEVER_NS = 2**62  # Time since what never was [ns]
 HELLO_NS = 10_000_000_000  # Time between two hellos of the same texts [ns]
 
-NAMES = ("stop", "model", "field", "hello")  # Of what goes in pieces, the most urgent first
+IMAGE = "image"
+NAMES = ("stop", "model", "field", "hello", IMAGE)  # Of what goes in pieces, the most urgent first
 
 Said = TypeVar("Said", bound=Message)
 Heard = TypeVar("Heard", bound=Message)
@@ -84,7 +86,9 @@ class End(ABC, Generic[Said, Heard]):
         self._longest = max(round(budget * max(HELD_UP, spacing)), 36)
         self._spacing_ns, self._packet_ns = round(spacing * 1e9), -NEVER_NS
         self._outbox, self._inbox = Outbox(NAMES, self._longest), Inbox(NAMES)
-        self._allowance = self._for_lines = 0.0
+        self._beside = min(self._longest // 2, self._longest - HEAD.size - NUMBER)  # what few lines leave of a packet
+        self._images = Outbox(NAMES, self._beside)
+        self._allowance = self._for_lines = self._left = 0.0
         self._before_ns = -1
         self._emergency: EmergencyStop | None = None
         self._texts: dict[str, str] = {}
@@ -106,6 +110,10 @@ class End(ABC, Generic[Said, Heard]):
             self._texts, self._hello_ns = texts, hello.time_ns
             self._outbox.put("hello", encode(Hello.of(hello.role, hello.sequence, hello.time_ns, texts)))
 
+    def show(self, image: bytes) -> None:
+        """Send an image with what is left over, the bytes of a `CameraImage`, unless a newer one comes before."""
+        self._images.put(IMAGE, image)
+
     def counts(self) -> dict[str, int]:
         """What this end sent, by name."""
         return {"thin_packets": self.packets, "thin_bytes": self.sent}
@@ -122,15 +130,17 @@ class End(ABC, Generic[Said, Heard]):
         self._before_ns = now_ns
         # What is not sent now may be sent later, as far as a packet: more would queue up before a stop.
         gained, most = max(elapsed, 0) * self._rate, float(self._longest)
+        self._left = min(self._left + max(self._allowance + gained - most, 0.0), most)
         self._allowance = min(self._allowance + gained, most)
         self._for_lines = min(self._for_lines + SHARE * gained, SHARE * most)
         content = self._content() if now_ns - self._packet_ns >= self._spacing_ns else b""
         if content:
             self._packet_ns = now_ns
             self.packets += 1
+            self._allowance -= len(content) + ENVELOPE
+            content += self._image(self._longest - len(content))
             packet = self.packet(VERSION, self.packets, 0, content)  # type: ignore[call-arg]
             self.sent += len(content) + ENVELOPE
-            self._allowance -= len(content) + ENVELOPE
             messages.append(packet)
         return messages
 
@@ -161,6 +171,13 @@ class End(ABC, Generic[Said, Heard]):
             self._for_lines -= 0.0 if alone else len(content) + ENVELOPE
         room = self._longest - len(content)
         return content + self._outbox.next(room) if allowed and room > PIECE_HEAD else content
+
+    def _image(self, room: int) -> bytes:
+        """A piece of an image for a packet that is sent anyway and has so much room: nothing else is later by it."""
+        fits = self._outbox.is_empty and min(room, self._left) >= self._beside
+        piece = self._images.next(self._beside) if fits else b""
+        self._left -= len(piece)
+        return piece
 
     def heard(self, packets: Iterable[Message], now_ns: int) -> list[Message]:
         """The messages for this side's step in a tick in which these packets have come."""
@@ -225,7 +242,7 @@ class LeaderEnd(End[Command, Telemetry]):
     """The end at the leader, of so many bytes a second."""
 
     tick, packet, from_other, other = Command, LeaderPacket, "back", "follower"
-    takes: ClassVar[dict[str, type[Message]]] = End.takes | {"field": FieldUpdate}
+    takes: ClassVar[dict[str, type[Message]]] = End.takes | {"field": FieldUpdate, IMAGE: CameraImage}
 
     def __init__(self, budget: float, spacing: float = 0.0) -> None:
         super().__init__(budget, Commands(), Seen(), spacing)
