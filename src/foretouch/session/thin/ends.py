@@ -3,7 +3,7 @@
 An end stands between the steps of its side and the network. What it sends in a second is kept within a budget, the most
 urgent first: an emergency stop at once; then the lines of commands or telemetry, in each
 `foretouch.session.thin.lines.stream.LONGEST_GAP` ticks at least, which is also the sign of life; models; what is
-only looked at; and images, in the room that packets have left, with bytes that nothing else would have taken.
+only looked at; and images, in ticks in which nothing else is said.
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ LONGEST_WORD, LARGEST_PRESS = 12, (1 << 63) - 1  # Bytes of its reason, and its 
 ENVELOPE = 11  # Bytes of a packet around its content, at most
 HELD_UP = 0.02  # Time that one packet may take, by the budget, so that a stop waits no longer for the one before it [s]
 ENOUGH = 1000.0  # Bytes a second that are enough for models as they are said over the thinnest links
+FOR_IMAGES = 0.15  # Part of the budget that lines leave beyond what is due while an image waits
 SHARE = 0.7  # Part of the budget that lines may take beyond what is due while models or others wait
 NEVER_NS = 2**62  # Time since what never was [ns]
 HELLO_NS = 10_000_000_000  # Time between two hellos of the same texts [ns]
@@ -86,9 +87,8 @@ class End(ABC, Generic[Said, Heard]):
         self._longest = max(round(budget * max(HELD_UP, spacing)), 36)
         self._spacing_ns, self._packet_ns = round(spacing * 1e9), -NEVER_NS
         self._outbox, self._inbox = Outbox(NAMES, self._longest), Inbox(NAMES)
-        self._beside = min(self._longest // 2, self._longest - HEAD.size - NUMBER)  # what few lines leave of a packet
-        self._images = Outbox(NAMES, self._beside)
-        self._allowance = self._for_lines = self._left = 0.0
+        self._images = Outbox(NAMES, self._longest)  # in one of its own, so that nothing waits for it
+        self._allowance = self._for_lines = self._beside_images = self._left = 0.0
         self._before_ns = -1
         self._emergency: EmergencyStop | None = None
         self._texts: dict[str, str] = {}
@@ -130,15 +130,16 @@ class End(ABC, Generic[Said, Heard]):
         self._before_ns = now_ns
         # What is not sent now may be sent later, as far as a packet: more would queue up before a stop.
         gained, most = max(elapsed, 0) * self._rate, float(self._longest)
-        self._left = min(self._left + max(self._allowance + gained - most, 0.0), most)
+        self._left = min(self._left + max(self._allowance + gained - most, 0.0), most + ENVELOPE)
         self._allowance = min(self._allowance + gained, most)
         self._for_lines = min(self._for_lines + SHARE * gained, SHARE * most)
+        self._beside_images = min(self._beside_images + (1.0 - FOR_IMAGES) * gained, (1.0 - FOR_IMAGES) * most)
         content = self._content() if now_ns - self._packet_ns >= self._spacing_ns else b""
+        self._allowance -= len(content) + ENVELOPE if content else 0.0
+        content = content or self._image()
         if content:
             self._packet_ns = now_ns
             self.packets += 1
-            self._allowance -= len(content) + ENVELOPE
-            content += self._image(self._longest - len(content))
             packet = self.packet(VERSION, self.packets, 0, content)  # type: ignore[call-arg]
             self.sent += len(content) + ENVELOPE
             messages.append(packet)
@@ -164,19 +165,22 @@ class End(ABC, Generic[Said, Heard]):
             return bytes((EMERGENCY, len(reason))) + emergency.press.to_bytes(8, "little") + reason
         urgency, content, allowed = self._saying.urgency, b"", self._allowance >= 0.0
         alone = self._outbox.is_empty  # then lines may take all
-        least = WORTH if alone or self._for_lines >= 0.0 else SOON
+        shown = self._images.waits(IMAGE)
+        enough = (not shown or self._beside_images >= 0.0) if alone else self._for_lines >= 0.0
+        least = WORTH if enough else SOON
         if urgency == DUE or (allowed and urgency >= least):
             most = (self._longest - HEAD.size) // NUMBER if allowed else 1
             content = self._saying.record(self._flags, most, spare=allowed)
             self._for_lines -= 0.0 if alone else len(content) + ENVELOPE
+            self._beside_images -= len(content) + ENVELOPE if shown else 0.0
         room = self._longest - len(content)
         return content + self._outbox.next(room) if allowed and room > PIECE_HEAD else content
 
-    def _image(self, room: int) -> bytes:
-        """A piece of an image for a packet that is sent anyway and has so much room: nothing else is later by it."""
-        fits = self._outbox.is_empty and min(room, self._left) >= self._beside
-        piece = self._images.next(self._beside) if fits else b""
-        self._left -= len(piece)
+    def _image(self) -> bytes:
+        """A piece of an image, where all that could be saved for others is saved; none where packets are rationed."""
+        fits = self._outbox.is_empty and not self._spacing_ns and self._left >= self._longest + ENVELOPE
+        piece = self._images.next(self._longest) if fits else b""
+        self._left -= len(piece) + ENVELOPE if piece else 0.0
         return piece
 
     def heard(self, packets: Iterable[Message], now_ns: int) -> list[Message]:
