@@ -85,7 +85,7 @@ def test_an_image_comes_beside_lines_that_take_all(noise: float) -> None:
     assert follower.sent <= BUDGET * 40.0 + 100.0
 
 
-@pytest.mark.parametrize(("budget", "longest"), [(1000.0, 6.0), (2000.0, 4.0), (8000.0, 1.5)])
+@pytest.mark.parametrize(("budget", "longest"), [(1000.0, 8.0), (2000.0, 4.0), (8000.0, 1.5)])
 def test_an_image_of_a_robot_that_stands_still_takes_some_seconds(budget: float, longest: float) -> None:
     links = SerialLink(budget), SerialLink(budget)
     both = BothEnds(budget, links, space=True, images=True)

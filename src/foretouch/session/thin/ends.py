@@ -130,18 +130,19 @@ class End(ABC, Generic[Said, Heard]):
         self._before_ns = now_ns
         # What is not sent now may be sent later, as far as a packet: more would queue up before a stop.
         gained, most = max(elapsed, 0) * self._rate, float(self._longest)
-        self._left = min(self._left + max(self._allowance + gained - most, 0.0), most + ENVELOPE)
+        over = max(self._allowance + gained - most, FOR_IMAGES * gained)
+        self._left = min(self._left + over, most + ENVELOPE)
         self._allowance = min(self._allowance + gained, most)
         self._for_lines = min(self._for_lines + SHARE * gained, SHARE * most)
         self._beside_images = min(self._beside_images + (1.0 - FOR_IMAGES) * gained, (1.0 - FOR_IMAGES) * most)
         content = self._content() if now_ns - self._packet_ns >= self._spacing_ns else b""
-        self._allowance -= len(content) + ENVELOPE if content else 0.0
         content = content or self._image()
         if content:
             self._packet_ns = now_ns
             self.packets += 1
             packet = self.packet(VERSION, self.packets, 0, content)  # type: ignore[call-arg]
             self.sent += len(content) + ENVELOPE
+            self._allowance -= len(content) + ENVELOPE
             messages.append(packet)
         return messages
 
@@ -177,8 +178,9 @@ class End(ABC, Generic[Said, Heard]):
         return content + self._outbox.next(room) if allowed and room > PIECE_HEAD else content
 
     def _image(self) -> bytes:
-        """A piece of an image, where all that could be saved for others is saved; none where packets are rationed."""
-        fits = self._outbox.is_empty and not self._spacing_ns and self._left >= self._longest + ENVELOPE
+        """A piece of an image, where nothing else waits; none where packets are rationed."""
+        idle = self._outbox.is_empty and self._allowance >= 0.0 and not self._spacing_ns
+        fits = idle and self._left >= self._longest + ENVELOPE
         piece = self._images.next(self._longest) if fits else b""
         self._left -= len(piece) + ENVELOPE if piece else 0.0
         return piece
