@@ -164,7 +164,9 @@ class ZenohLink:
                 else:
                     self._watch(message)
 
-        return [self._session.declare_subscriber(key, receive) for key in keys_to_receive(name)]
+        others = zenoh_module().Locality.REMOTE  # what a process says itself does not come back to it
+        subscribe = self._session.declare_subscriber
+        return [subscribe(key, receive, allowed_origin=others) for key in keys_to_receive(name)]
 
     def other_version(self, roles: Iterable[str] = SIDES) -> PeerVersionError | None:
         """The error where this process's peers send hellos, but in another version; else None.

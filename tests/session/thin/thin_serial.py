@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from thin_ticks import EPOCH, MS, RUN, command_at, telemetry_at
 
-from foretouch.messages import VERSION, FieldUpdate, Hello, Message, ModelUpdate, encode
+from foretouch.messages import VERSION, CameraImage, FieldUpdate, Hello, Message, ModelUpdate, encode
 from foretouch.session.thin import FollowerEnd, LeaderEnd
 
 
@@ -50,6 +50,12 @@ def model_at(tick: int) -> ModelUpdate:
     )
 
 
+def image_at(tick: int, size: int = 900) -> CameraImage:
+    """An image with the size of a small one."""
+    jpeg = random.Random(tick).randbytes(size)
+    return CameraImage(VERSION, tick, tick * MS, tick, jpeg, (), (), 4, "", (0.5,) * 15, RUN)
+
+
 class BothEnds:
     """Two ends that say all there may be: noise in each number, hellos, fields and models at all times.
 
@@ -59,19 +65,22 @@ class BothEnds:
         space: Whether it is a session in space.
         noise: Standard deviation of positions [m]; forces have a thousand times as much [N].
         heavy: Whether there are hellos, fields and models.
+        images: Whether there is a camera.
     """
 
     def __init__(
         self, budget: float, links: tuple[Any, Any], *, space: bool = False, noise: float = 0.0, heavy: bool = False,
-        seed: int = 0, holder: str = "somebody@here",
+        seed: int = 0, holder: str = "somebody@here", images: bool = False,
     ) -> None:  # fmt: skip
         self.leader, self.follower = LeaderEnd(budget), FollowerEnd(budget)
         self.links, self.space, self.heavy, self.holder = links, space, heavy, holder
-        self._random, self._noise = np.random.default_rng(seed), noise
+        self._random, self._noise, self._images = np.random.default_rng(seed), noise, images
         self.sent: tuple[list[tuple[int, int]], list[tuple[int, int]]] = [], []  # time [ns] and bytes
         self.tick = 0
         self.heard: list[tuple[int, Message]] = []  # beside the ticks, at the follower
+        self.shown: list[tuple[int, Message]] = []  # and at the leader
         self.follower.deliver = lambda message: self.heard.append((self.tick, message))
+        self.leader.deliver = lambda message: self.shown.append((self.tick, message))
 
     def run(self, ticks: int) -> tuple[list[Message], list[Message]]:
         """Let some ticks pass; what came at the follower in the last, and at the leader."""
@@ -110,6 +119,8 @@ class BothEnds:
             changes = {"position": noisy[0], "desired_position": noisy[1], "force": 1e3 * noisy[2]}
             message = telemetry_at(self.tick, space=self.space, status=int(self._random.integers(0, 3)), **changes)
         others: list[Message] = []
+        if self._images and self.tick % 1000 == 500:
+            self.follower.show(encode(image_at(self.tick)))
         if self.heavy:
             if self.tick % 250 == 5:
                 self.follower.offer(hello_at("follower", self.tick))

@@ -62,6 +62,7 @@ def draw_over(
         seen = pixels(camera, outline)
     except SettingError:  # no such lens
         return None
+    image = cv2.resize(image, (round(2 * camera[2]) + 1, round(2 * camera[3]) + 1))  # over a thin link it came small
     _draw_line(image, np.vstack([seen, seen[:1]]), GREEN, 2)
     if all(map(math.isfinite, probe)):
         rod = np.asarray(probe) + np.outer(np.linspace(0.0, ROD + radius, PARTS), (0.0, 0.0, 1.0))
@@ -92,6 +93,7 @@ NO_OPENCV = "OpenCV is not here: the probe cannot be drawn over images. "
 NO_CAMERA = "There is no camera at the robot."
 NOT_USED = ("contact", "none")  # With these values of ``fusion`` no image is needed
 NO_IMAGE = "No image has come yet."
+NO_IMAGE_LEFT = "No image has come yet: over a thin link they take what nothing else needs."
 CAMERA_DELAY = 0.05  # Time from exposure to reading [s] until the session sends its value
 MARKERS = 4  # Number of markers on the board
 TITLE = "Camera at the robot, delayed"
@@ -176,7 +178,7 @@ def missing_image(settings: Mapping[str, str]) -> str:
         return f"{why[:1].upper()}{why[1:].rstrip('.')}."
     if settings.get("camera") == "there is none" or fusion in NOT_USED:
         return f"{NO_CAMERA} Images are not used (--fusion {fusion})." if fusion in NOT_USED else NO_CAMERA
-    return NO_IMAGE
+    return NO_IMAGE if settings.get("budget", "0.0") == "0.0" else NO_IMAGE_LEFT
 
 
 BOARD, MARKER = 0.060, 0.024

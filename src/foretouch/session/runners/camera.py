@@ -7,12 +7,12 @@ from collections import deque
 from collections.abc import Callable, Mapping
 
 from foretouch.link import ZenohLink
-from foretouch.messages import CameraImage, Telemetry, fixture_of
+from foretouch.messages import VERSION, CameraImage, FollowerPacket, Telemetry, fixture_of
 from foretouch.session.network.lease import own_epoch
 from foretouch.session.runners.housekeeping import ORPHANED, Greeter, StopFlag, orphaned
 from foretouch.session.settings import SessionSettings
 from foretouch.session.spatial import tracker
-from foretouch.session.spatial.camera import IMAGE_PERIOD, VIEW, SimulatedCamera
+from foretouch.session.spatial.camera import IMAGE_PERIOD, SMALL_PERIOD, VIEW, SimulatedCamera, small_image
 from foretouch.session.spatial.scenes import KnownSurface, make_scene
 
 CAMERA_CHANNELS = ("telemetry", "stop")
@@ -48,7 +48,8 @@ def run_camera(
     epoch = own_epoch()
     images: deque[tuple[float, CameraImage]] = deque()
     newest: Telemetry | None = None
-    begun = exposed = time.monotonic()
+    begun = exposed = shown = time.monotonic()
+    small_images = 0
     end, greeter = float("inf"), Greeter(link, "camera")
     while not stop.reason and (now := time.monotonic()) <= end:
         ticks = [telemetry for _, telemetry in link.take("telemetry") if telemetry.space is not None]
@@ -66,6 +67,9 @@ def run_camera(
         while images and images[0][0] <= now:
             due.append(images.popleft()[1])
             link.publish(due[-1])
+            if settings.budget and now - shown >= SMALL_PERIOD and (small := small_image(due[-1], settings.budget)):
+                shown, small_images = now, small_images + 1
+                link.publish(FollowerPacket(VERSION, small_images, 0, small))
         if newest is not None and state is not None:
             belief = tracker.step(state, ticks, due, newest.time_ns)
             if belief is not None:

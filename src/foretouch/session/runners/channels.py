@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 from foretouch.link import ZenohLink
+from foretouch.messages import CameraImage, Message
 from foretouch.session.runners.driven import SpaceFollower, SpaceLeader
 from foretouch.session.settings import SessionSettings
 from foretouch.session.thin import FollowerEnd, LeaderEnd
@@ -16,10 +17,11 @@ LEADER_CHANNELS = ("model", "telemetry", "handle", "settings", "stop", "hello", 
 """Channels that the leader's link receives; the last two are silent along a line."""
 
 THIN_CHANNELS = {
-    "follower": ("forth", "settings", "stop", "emergency"),
+    "follower": ("forth", "back", "settings", "stop", "emergency"),
     "leader": ("back", "handle", "settings", "stop"),
 }
-"""Channels that a side's link receives over a thin link: all else of the other side comes in its packets."""
+"""Channels that a side's link receives over a thin link: all else of the other side comes in its packets. What is to
+go back to the leader the follower hears from the camera beside it, which is silent along a line."""
 
 
 def side_channels(side: str, settings: SessionSettings) -> tuple[str, ...]:
@@ -31,8 +33,23 @@ def side_channels(side: str, settings: SessionSettings) -> tuple[str, ...]:
 
 def join_thin(link: ZenohLink, end: LeaderEnd | FollowerEnd | None) -> None:
     """Let an end take what a side says beside its step, and give what it hears beside that."""
+    if end is None:
+        return
+
+    def deliver(message: Message) -> None:
+        if isinstance(message, CameraImage):  # for who watches at this site
+            link.publish(message)
+        else:
+            link.deliver(message)
+
+    link.aside, end.deliver = end.offer, deliver
+
+
+def take_images(link: ZenohLink, end: LeaderEnd | FollowerEnd | None) -> None:
+    """Take the images of the camera beside a follower, for the leader's site."""
     if end is not None:
-        link.aside, end.deliver = end.offer, link.deliver
+        for _, packet in link.take("back"):
+            end.show(packet.content)
 
 
 def hear_packets(link: ZenohLink, end: LeaderEnd | FollowerEnd) -> None:

@@ -18,7 +18,7 @@ from foretouch.messages import COUNT_PREFIX, PROCESS, SIDES, SINCE, VERSION, Eme
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.network.lease import Contest, own_epoch
 from foretouch.session.operators import close_operator
-from foretouch.session.runners.channels import hear_packets, join_thin
+from foretouch.session.runners.channels import hear_packets, join_thin, take_images
 from foretouch.session.runners.driven import (
     Driven,
     DrivenFollower,
@@ -236,6 +236,7 @@ def run_follower(
             if driven.end is None:
                 contest.hear(message, arrival)
             driven.arriving.push(arrival, message)
+        take_images(link, driven.end)
         if loop.choose(now):
             state.freshness.begin_way()
         for _, last_word in link.take("stop"):

@@ -4,20 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import msgspec
 import numpy as np
 
-from foretouch.messages import VERSION, CameraImage
+from foretouch.messages import VERSION, CameraImage, encode
 from foretouch.messages.states import LARGEST_JPEG
 from foretouch.quantities import Pose
 from foretouch.quantities.pose import Vector
 from foretouch.robot import CameraScene
 from foretouch.session.spatial.scenes import Scene
 from foretouch.vision import Board, BoardDetector, CameraModel, FaultyCamera, ImageFault, Lens, make_board_image
+from foretouch.vision.camera import opencv
 
 CAMERA = CameraModel(640, 480, 610.0, 610.0, k1=-0.15, k2=0.03, p1=5e-4, p2=-5e-4)
 """Intrinsics and distortion, as a calibration would give them."""
 
 IMAGE_PERIOD = 1.0 / 30.0  # [s]
+
+SMALL_PERIOD = 1.0  # Time between two images for a thin link [s]
+PLENTY = 4000.0  # Budget from which on these are half as wide as the camera's, and not a quarter [bytes/s]
+QUALITY = 30  # Of their JPEG, 1 to 100
+LARGEST_SMALL = 4096  # Bytes of one at most: of a packet's content
 
 
 def _looking(eye: tuple[float, float, float], at: tuple[float, float, float]) -> Pose:
@@ -107,6 +114,22 @@ class SimulatedCamera:
     def close(self) -> None:
         """Give back the resources of the graphics library."""
         self._scene.close()
+
+
+def small_image(image: CameraImage, budget: float) -> bytes:
+    """An image as it crosses a thin link of so many bytes a second: small, grey and without a pose.
+
+    Returns:
+        Bytes of a `CameraImage`; none where the stream dropped it, or where it is too large all the same.
+    """
+    cv2 = opencv()
+    how = cv2.IMREAD_REDUCED_GRAYSCALE_2 if budget >= PLENTY else cv2.IMREAD_REDUCED_GRAYSCALE_4
+    grey = cv2.imdecode(np.frombuffer(image.jpeg, np.uint8), how) if image.jpeg else None
+    if grey is None:
+        return b""
+    _, jpeg = cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, QUALITY, cv2.IMWRITE_JPEG_OPTIMIZE, 1])
+    small = encode(msgspec.structs.replace(image, jpeg=jpeg.tobytes(), pose=(), covariance=()))
+    return small if len(small) <= LARGEST_SMALL else b""
 
 
 def pixels(camera: Sequence[float], points: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 An end stands between the steps of its side and the network. What it sends in a second is kept within a budget, the most
 urgent first: an emergency stop at once; then the lines of commands or telemetry, in each
 `foretouch.session.thin.lines.stream.LONGEST_GAP` ticks at least, which is also the sign of life; models; and what is
-only looked at.
+only looked at, images last.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from foretouch.link import SequenceCounter, network_trace
 from foretouch.messages import (
     COUNT_PREFIX,
     VERSION,
+    CameraImage,
     Command,
     EmergencyStop,
     FieldUpdate,
@@ -47,7 +48,7 @@ SHARE = 0.7  # Part of the budget that lines may take beyond what is due while m
 NEVER_NS = 2**62  # Time since what never was [ns]
 HELLO_NS = 10_000_000_000  # Time between two hellos of the same texts [ns]
 
-NAMES = ("stop", "model", "field", "hello")  # Of what goes in pieces, the most urgent first
+NAMES = ("stop", "model", "field", "hello", "image")  # Of what goes in pieces, the most urgent first
 
 Said = TypeVar("Said", bound=Message)
 Heard = TypeVar("Heard", bound=Message)
@@ -114,6 +115,10 @@ class End(ABC, Generic[Said, Heard]):
         if texts != self._texts or hello.time_ns - self._hello_ns >= HELLO_NS:
             self._texts, self._hello_ns = texts, hello.time_ns
             self._outbox.put("hello", encode(Hello.of(hello.role, hello.sequence, hello.time_ns, texts)))
+
+    def show(self, image: bytes) -> None:
+        """Send an image with what nothing else needs, the bytes of a `CameraImage`, unless a newer one comes before."""
+        self._outbox.put("image", image)
 
     def counts(self) -> dict[str, int]:
         """What this end sent, by name."""
@@ -242,7 +247,7 @@ class LeaderEnd(End[Command, Telemetry]):
     """The end at the leader, of so many bytes a second."""
 
     tick, packet, from_other, other = Command, LeaderPacket, "back", "follower"
-    takes: ClassVar[dict[str, type[Message]]] = End.takes | {"field": FieldUpdate}
+    takes: ClassVar[dict[str, type[Message]]] = End.takes | {"field": FieldUpdate, "image": CameraImage}
 
     def __init__(self, budget: float, spacing: float = 0.0) -> None:
         super().__init__(budget, Commands(), Seen(), spacing)
