@@ -85,6 +85,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "docs/thin-links.md": {
         "budgets": ("measure_budget:budgets", SIMULATE, "foretouch.session.thin.ends:End"),
+        "losses": ("measure_budget:losses", SIMULATE, "foretouch.session.thin.ends:End"),
         "cost": ("measure_budget:cost", "foretouch.session.thin.ends:End"),
     },
     "docs/faults.md": {"faults": ("measure_faults:main", "test_session_soak_fire", *LIVE)},

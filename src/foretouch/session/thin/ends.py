@@ -30,12 +30,13 @@ from foretouch.messages import (
     decode,
     encode,
 )
-from foretouch.session.network.pieces import PARITY, PIECE, PIECE_HEAD, Inbox, Outbox
+from foretouch.session.network.pieces import PARITIES, PIECE, PIECE_HEAD, Inbox, Outbox
 from foretouch.session.thin.lines.kinds import WANTS, Commands, Kind, Seen
 from foretouch.session.thin.lines.sides import CONTEXT, HEAD, LINES, NUMBER, Hearing, Saying
 from foretouch.session.thin.lines.stream import DUE, SOON, WORTH
 from foretouch.session.thin.models.heard import ModelsHeard
 from foretouch.session.thin.models.said import ModelsSaid
+from foretouch.session.thin.protection import PROTECTIONS, USUAL
 
 EMERGENCY = 5  # Kind of a record: an emergency stop
 LONGEST_WORD, LARGEST_PRESS = 12, (1 << 63) - 1  # Bytes of its reason, and its number at most
@@ -61,6 +62,7 @@ class End(ABC, Generic[Said, Heard]):
         says: How its messages are said.
         hears: How the other end's are.
         spacing: Shortest time between two packets, where the network takes no more of them [s].
+        protection: What it sends against loss, of `foretouch.session.thin.protection.PROTECTIONS`.
 
     Attributes:
         deliver: Takes what is heard and is no message for the side's step.
@@ -75,15 +77,16 @@ class End(ABC, Generic[Said, Heard]):
     other: ClassVar[str]  # role of the other side
     takes: ClassVar[dict[str, type[Message]]] = {"stop": Stop, "hello": Hello}  # what comes in pieces, by name
 
-    def __init__(self, budget: float, says: Kind[Said], hears: Kind[Heard], spacing: float) -> None:
+    def __init__(self, budget: float, says: Kind[Said], hears: Kind[Heard], spacing: float, protection: str) -> None:
         self.deliver: Callable[[Message], None] = _nobody
         self.sent = self.packets = 0
         self.arrived = SequenceCounter()
-        self._saying, self._hearing = Saying(says), Hearing(hears)
+        against = PROTECTIONS[protection]
+        self._saying, self._hearing = Saying(says, against.soon), Hearing(hears)
         self._rate = budget * 1e-9
         self._longest = max(round(budget * max(HELD_UP, spacing)), 36)
         self._spacing_ns, self._packet_ns = round(spacing * 1e9), -NEVER_NS
-        self._outbox, self._inbox = Outbox(NAMES, self._longest), Inbox(NAMES)
+        self._outbox, self._inbox = Outbox(NAMES, self._longest, against.parities), Inbox(NAMES)
         self._allowance = self._for_lines = 0.0
         self._before_ns = -1
         self._emergency: EmergencyStop | None = None
@@ -139,8 +142,14 @@ class End(ABC, Generic[Said, Heard]):
 
     @property
     def models_broken(self) -> int:
-        """Models of which more than one piece was lost."""
+        """Models of which some came, but too little."""
         return self._inbox.broken["model"]
+
+    @property
+    def models_came(self) -> tuple[int, int]:
+        """Number of models that came whole, and of those before the newest that did not."""
+        box = self._inbox
+        return box.whole["model"], box.broken["model"] + box.missed["model"]
 
     @property
     def _flags(self) -> int:
@@ -189,7 +198,7 @@ class End(ABC, Generic[Said, Heard]):
                 if self._hearing.context(data[at + 2 : end]):
                     self._inbox.restart()
                 at = end
-            elif kind in (PIECE, PARITY):
+            elif kind == PIECE or kind in PARITIES:
                 at, name, whole = self._inbox.take(data, at)
                 if whole:
                     self._take_whole(name, whole, due)
@@ -227,8 +236,8 @@ class LeaderEnd(End[Command, Telemetry]):
     tick, packet, from_other, other = Command, LeaderPacket, "back", "follower"
     takes: ClassVar[dict[str, type[Message]]] = End.takes | {"field": FieldUpdate}
 
-    def __init__(self, budget: float, spacing: float = 0.0) -> None:
-        super().__init__(budget, Commands(), Seen(), spacing)
+    def __init__(self, budget: float, spacing: float = 0.0, protection: str = USUAL) -> None:
+        super().__init__(budget, Commands(), Seen(), spacing, protection)
         self._models = ModelsHeard()
 
     def heard(self, packets: Iterable[Message], now_ns: int) -> list[Message]:
@@ -253,8 +262,8 @@ class FollowerEnd(End[Telemetry, Command]):
 
     tick, packet, from_other, other = Telemetry, FollowerPacket, "forth", "leader"
 
-    def __init__(self, budget: float, spacing: float = 0.0) -> None:
-        super().__init__(budget, Seen(), Commands(), spacing)
+    def __init__(self, budget: float, spacing: float = 0.0, protection: str = USUAL) -> None:
+        super().__init__(budget, Seen(), Commands(), spacing, protection)
         self._models = ModelsSaid(plenty=budget / ENOUGH)
 
     def _offer_of_step(self, message: Message, now_ns: int) -> None:
@@ -278,5 +287,5 @@ def end_of(side: str, settings: Any) -> LeaderEnd | FollowerEnd | None:
     if not settings.budget:
         return None
     spacing = network_trace(settings.network).spacing if settings.network else 0.0
-    made: LeaderEnd | FollowerEnd = ENDS[side](settings.budget, spacing)
+    made: LeaderEnd | FollowerEnd = ENDS[side](settings.budget, spacing, settings.protection)
     return made

@@ -49,14 +49,17 @@ class Saying(Generic[M]):
 
     Args:
         kind: Of its messages.
+        soon: Ticks after which positions that a robot goes to, where they changed, are said once more in any case; 0
+            for never.
 
     Attributes:
         urgency: Of saying a record of the newest tick: `NOTHING`, `WORTH`, `SOON` or `DUE`.
         known: Tick of the other side of which is known what its newest record says.
     """
 
-    def __init__(self, kind: Kind[M]) -> None:
+    def __init__(self, kind: Kind[M], soon: int = 0) -> None:
         self.urgency, self.known = NOTHING, LARGEST
+        self._soon, self._soon_tick = soon * kind.robot, LARGEST
         self._kind, self._words = kind, np.zeros(2 * MOST, np.int64)
         self._note, self._say = stream.note.entry, stream.say.entry
         self._fixed: tuple[bool, int, int, str] | None = None
@@ -78,7 +81,8 @@ class Saying(Generic[M]):
         else:
             told, urgency = (), DUE if message.sequence - self._tick >= LONGEST_GAP else NOTHING
         self._now = (bool(told), *kind.state(message))
-        news = SOON if self._context_is_due else WORTH if self._now != self._told else NOTHING
+        is_news = self._now != self._told or message.sequence >= self._soon_tick
+        news = SOON if self._context_is_due else WORTH if is_news else NOTHING
         self.urgency = max(urgency, news)
 
     @property
@@ -99,14 +103,17 @@ class Saying(Generic[M]):
         if self._news or (spare and self._context_is_due):
             most = most if self._news else 1
             context = self._context_record(message)
+        changed = self._now != self._told
         self._told, self._tick, self.urgency = self._now, message.sequence, NOTHING
         if self._now[0]:
             chosen = self._say(self._lines, self._words, most)
+            changed = changed or self._lines["again"][0] > 0
             pairs = self._words[: 2 * chosen.bit_count()].tolist()
             words = b"".join(
                 value.to_bytes(3, "little", signed=True) + slope.to_bytes(2, "little", signed=True)
                 for value, slope in zip(pairs[::2], pairs[1::2], strict=True)
             )
+        self._soon_tick = message.sequence + self._soon if self._soon and changed else LARGEST
         (first, second), (state, status) = self._counts(message), kind.state(message)
         numbers = message.sequence, message.time_ns // QUARTER_NS, first, second
         flags |= state if self._now[0] else state | ABSENT
