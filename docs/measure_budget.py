@@ -27,8 +27,7 @@ from foretouch.report import session_figures
 from foretouch.robot import material_names
 from foretouch.session import SessionSettings, simulate
 from foretouch.session.thin import FollowerEnd, LeaderEnd
-from foretouch.session.thin.ends import ENDS
-from foretouch.session.thin.protection import PROTECTIONS
+from foretouch.session.thin.ends import ENDS, PROTECTIONS
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE, PICTURE = ROOT / "docs" / "thin-links.md", ROOT / "docs" / "images" / "thin-links.png"

@@ -117,7 +117,7 @@ LEAST_BUDGET = 1000.0
 two seconds."""
 
 PROTECTIONS = ("none", "parity", "strong")
-"""Names of `foretouch.session.thin.protection`."""
+"""Names of what is sent against loss, `foretouch.session.thin.ends.Protection`."""
 
 
 @dataclass(frozen=True)

@@ -31,10 +31,9 @@ from foretouch.messages import (
 from foretouch.session import SessionSettings
 from foretouch.session.network.pieces import PARITIES, PIECE, Outbox
 from foretouch.session.thin import FollowerEnd, LeaderEnd, end_of
-from foretouch.session.thin.ends import EMERGENCY, HELLO_NS
+from foretouch.session.thin.ends import EMERGENCY, HELLO_NS, PROTECTIONS, USUAL
 from foretouch.session.thin.lines.sides import CONTEXT, LINES
 from foretouch.session.thin.lines.stream import LONGEST_GAP, REACH
-from foretouch.session.thin.protection import PROTECTIONS, USUAL
 
 SECONDS = 6
 WEIGHTS: dict[str, dict[str, Any]] = {

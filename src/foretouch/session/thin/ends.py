@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Callable, Iterable
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 from foretouch.errors import DecodeError, PeerVersionError, printable
 from foretouch.link import SequenceCounter, network_trace
@@ -30,13 +30,13 @@ from foretouch.messages import (
     decode,
     encode,
 )
+from foretouch.session.network.erasure import MOST_PARITIES
 from foretouch.session.network.pieces import PARITIES, PIECE, PIECE_HEAD, Inbox, Outbox
 from foretouch.session.thin.lines.kinds import WANTS, Commands, Kind, Seen
 from foretouch.session.thin.lines.sides import CONTEXT, HEAD, LINES, NUMBER, Hearing, Saying
 from foretouch.session.thin.lines.stream import DUE, SOON, WORTH
 from foretouch.session.thin.models.heard import ModelsHeard
 from foretouch.session.thin.models.said import ModelsSaid
-from foretouch.session.thin.protection import PROTECTIONS, USUAL
 
 EMERGENCY = 5  # Kind of a record: an emergency stop
 LONGEST_WORD, LARGEST_PRESS = 12, (1 << 63) - 1  # Bytes of its reason, and its number at most
@@ -50,6 +50,21 @@ HELLO_NS = 10_000_000_000  # Time between two hellos of the same texts [ns]
 
 NAMES = ("stop", "model", "field", "hello")  # Of what goes in pieces, the most urgent first
 
+
+class Protection(NamedTuple):
+    """What an end sends against loss; the other end understands all."""
+
+    parities: Callable[[int], int]  # how many of them so many pieces have
+    soon: int = 0  # ticks after which a position that changed its line is said once more by a packet of its own; or 0
+
+
+USUAL = "parity"
+PROTECTIONS = {
+    "none": Protection(lambda pieces: 0),
+    USUAL: Protection(lambda pieces: int(pieces > 1)),
+    "strong": Protection(lambda pieces: min(pieces // 2 + 1, MOST_PARITIES), soon=10),
+}
+
 Said = TypeVar("Said", bound=Message)
 Heard = TypeVar("Heard", bound=Message)
 
@@ -62,7 +77,7 @@ class End(ABC, Generic[Said, Heard]):
         says: How its messages are said.
         hears: How the other end's are.
         spacing: Shortest time between two packets, where the network takes no more of them [s].
-        protection: What it sends against loss, of `foretouch.session.thin.protection.PROTECTIONS`.
+        protection: What it sends against loss, of `PROTECTIONS`.
 
     Attributes:
         deliver: Takes what is heard and is no message for the side's step.
