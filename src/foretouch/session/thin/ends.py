@@ -33,8 +33,8 @@ from foretouch.messages import (
 from foretouch.session.network.erasure import MOST_PARITIES
 from foretouch.session.network.pieces import PARITIES, PIECE, PIECE_HEAD, Inbox, Outbox
 from foretouch.session.thin.lines.kinds import WANTS, Commands, Kind, Seen
-from foretouch.session.thin.lines.sides import CONTEXT, HEAD, LINES, NUMBER, Hearing, Saying
-from foretouch.session.thin.lines.stream import DUE, SOON, WORTH
+from foretouch.session.thin.lines.sides import CONTEXT, HEAD, LARGEST, LINES, NUMBER, Hearing, Saying
+from foretouch.session.thin.lines.stream import DUE, NOTHING, SOON, WORTH
 from foretouch.session.thin.models.heard import ModelsHeard
 from foretouch.session.thin.models.said import ModelsSaid
 
@@ -103,19 +103,28 @@ class End(ABC, Generic[Said, Heard]):
         self._spacing_ns, self._packet_ns = round(spacing * 1e9), -NEVER_NS
         self._outbox, self._inbox = Outbox(NAMES, self._longest, against.parities), Inbox(NAMES)
         self._allowance = self._for_lines = 0.0
-        self._before_ns = -1
+        self._most_lines, self._now_ns = SHARE * self._longest, NEVER_NS
         self._emergency: EmergencyStop | None = None
+        self._beside: dict[type[Message], Callable[[Any], None]] = {
+            EmergencyStop: self._offer_emergency,
+            Hello: self._offer_hello,
+            Stop: self._offer_stop,
+        }
+        self._of_step = self._beside | {self.tick: self._saying.note}
         self._texts: dict[str, str] = {}
         self._hello_ns = -HELLO_NS
 
     def offer(self, message: Message) -> None:
-        """Take a message of this side; what does not cross is left out."""
-        if isinstance(message, EmergencyStop):
-            self._emergency = message
-        elif isinstance(message, Hello):
-            self._offer_hello(message)
-        elif isinstance(message, Stop):
-            self._outbox.put("stop", encode(message))
+        """Take a message that this side says beside its step; what does not cross is left out."""
+        offer = self._beside.get(type(message))
+        if offer is not None:
+            offer(message)
+
+    def _offer_emergency(self, emergency: EmergencyStop) -> None:
+        self._emergency = emergency
+
+    def _offer_stop(self, stop: Stop) -> None:
+        self._outbox.put("stop", encode(stop))
 
     def _offer_hello(self, hello: Hello) -> None:
         """A hello that says something new, or the first for long."""
@@ -130,18 +139,13 @@ class End(ABC, Generic[Said, Heard]):
 
     def said(self, messages: Iterable[Message], now_ns: int) -> list[Message]:
         """The messages of this tick with the packet behind them that is sent in it, if there is one."""
-        messages = list(messages)
+        if now_ns > self._now_ns:
+            self._gain((now_ns - self._now_ns) * self._rate)
+        self._now_ns, messages = now_ns, list(messages)
         for message in messages:
-            if type(message) is self.tick:
-                self._saying.note(message)  # type: ignore[arg-type]
-            else:
-                self._offer_of_step(message, now_ns)
-        elapsed = now_ns - self._before_ns if self._before_ns >= 0 else 0
-        self._before_ns = now_ns
-        # What is not sent now may be sent later, as far as a packet: more would queue up before a stop.
-        gained, most = max(elapsed, 0) * self._rate, float(self._longest)
-        self._allowance = min(self._allowance + gained, most)
-        self._for_lines = min(self._for_lines + SHARE * gained, SHARE * most)
+            offer = self._of_step.get(type(message))
+            if offer is not None:
+                offer(message)
         content = self._content() if now_ns - self._packet_ns >= self._spacing_ns else b""
         if content:
             self._packet_ns = now_ns
@@ -152,8 +156,14 @@ class End(ABC, Generic[Said, Heard]):
             messages.append(packet)
         return messages
 
-    def _offer_of_step(self, message: Message, now_ns: int) -> None:
-        self.offer(message)
+    def _gain(self, more: float) -> None:
+        """Allow so many bytes more; what is not sent now may be sent later, as far as a packet.
+
+        More would queue up before a stop.
+        """
+        allowance, for_lines = self._allowance + more, self._for_lines + SHARE * more
+        self._allowance = allowance if allowance < self._longest else float(self._longest)
+        self._for_lines = for_lines if for_lines < self._most_lines else self._most_lines
 
     @property
     def models_broken(self) -> int:
@@ -170,6 +180,11 @@ class End(ABC, Generic[Said, Heard]):
     def _flags(self) -> int:
         return 0
 
+    @property
+    def _known(self) -> int:
+        """Tick of the other side of which is known what its newest record says."""
+        return LARGEST
+
     def _content(self) -> bytes:
         """What is sent now; nothing where nothing is worth it, or allowed."""
         if (emergency := self._emergency) is not None:
@@ -178,10 +193,12 @@ class End(ABC, Generic[Said, Heard]):
             return bytes((EMERGENCY, len(reason))) + emergency.press.to_bytes(8, "little") + reason
         urgency, content, allowed = self._saying.urgency, b"", self._allowance >= 0.0
         alone = self._outbox.is_empty  # then lines may take all
+        if alone and urgency == NOTHING:
+            return b""
         least = WORTH if alone or self._for_lines >= 0.0 else SOON
         if urgency == DUE or (allowed and urgency >= least):
             most = (self._longest - HEAD.size) // NUMBER if allowed else 1
-            content = self._saying.record(self._flags, most, spare=allowed)
+            content = self._saying.record(self._flags, most, spare=allowed, known=self._known)
             self._for_lines -= 0.0 if alone else len(content) + ENVELOPE
         room = self._longest - len(content)
         return content + self._outbox.next(room) if allowed and room > PIECE_HEAD else content
@@ -242,7 +259,7 @@ class End(ABC, Generic[Said, Heard]):
 
 
 def _nobody(message: Message) -> None:
-    """Leave out what nobody waits for."""
+    """Drop a message: no link has been joined yet that would take it."""
 
 
 class LeaderEnd(End[Command, Telemetry]):
@@ -255,11 +272,9 @@ class LeaderEnd(End[Command, Telemetry]):
         super().__init__(budget, Commands(), Seen(), spacing, protection)
         self._models = ModelsHeard()
 
-    def heard(self, packets: Iterable[Message], now_ns: int) -> list[Message]:
-        """See `End.heard`."""
-        due = super().heard(packets, now_ns)
-        self._saying.known = self._hearing.tick
-        return due
+    @property
+    def _known(self) -> int:
+        return self._hearing.tick
 
     @property
     def _flags(self) -> int:
@@ -280,18 +295,17 @@ class FollowerEnd(End[Telemetry, Command]):
     def __init__(self, budget: float, spacing: float = 0.0, protection: str = USUAL) -> None:
         super().__init__(budget, Seen(), Commands(), spacing, protection)
         self._models = ModelsSaid(plenty=budget / ENOUGH)
+        self._of_step |= {ModelUpdate: self._offer_model, FieldUpdate: self._offer_field}
 
-    def _offer_of_step(self, message: Message, now_ns: int) -> None:
-        if isinstance(message, ModelUpdate):
-            if self._hearing.flags & WANTS:
-                self._models.ask_whole()
-            data = self._models.offer(message, self._hearing.counts[0], now_ns)
-            if data is not None:
-                self._outbox.put("model", data)
-        elif isinstance(message, FieldUpdate):
-            self._outbox.put("field", encode(message))
-        else:
-            super()._offer_of_step(message, now_ns)
+    def _offer_model(self, update: ModelUpdate) -> None:
+        if self._hearing.flags & WANTS:
+            self._models.ask_whole()
+        data = self._models.offer(update, self._hearing.counts[0], self._now_ns)
+        if data is not None:
+            self._outbox.put("model", data)
+
+    def _offer_field(self, field: FieldUpdate) -> None:
+        self._outbox.put("field", encode(field))
 
 
 ENDS: dict[str, Any] = {"leader": LeaderEnd, "follower": FollowerEnd}

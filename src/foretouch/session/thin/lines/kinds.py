@@ -20,6 +20,8 @@ TICK_NS = 1_000_000  # A tick [ns]
 
 M = TypeVar("M", bound=Message)
 Numbers = tuple[Number, ...]
+Pair = tuple[int, int]
+Told = list[float]
 
 
 class Context(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True, gc=False):
@@ -58,23 +60,15 @@ class Kind(ABC, Generic[M]):
         """Its numbers that have lines."""
 
     @abstractmethod
-    def counts(self, message: M) -> tuple[int, int]:
+    def counts(self, message: M) -> Pair:
         """The two numbers of messages that it says."""
 
     @abstractmethod
-    def state(self, message: M) -> tuple[int, int]:
+    def state(self, message: M) -> Pair:
         """Its flags, and status and validity as a byte: a change of one is said at once."""
 
     @abstractmethod
-    def made(
-        self,
-        context: Context,
-        tick: int,
-        time_ns: int,
-        counts: tuple[int, int],
-        state: tuple[int, int],
-        told: list[float],
-    ) -> M:
+    def made(self, context: Context, tick: int, time_ns: int, counts: Pair, state: Pair, told: Told) -> M:
         """The message again; `counts` are as of `tick`."""
 
 
@@ -95,32 +89,26 @@ class Commands(Kind[Command]):
         """See `Kind.told`."""
         return (message.position, *message.place)
 
-    def counts(self, message: Command) -> tuple[int, int]:
+    def counts(self, message: Command) -> Pair:
         """See `Kind.counts`."""
         return message.acknowledged_model, message.telemetry_sequence
 
-    def state(self, message: Command) -> tuple[int, int]:
+    def state(self, message: Command) -> Pair:
         """See `Kind.state`; a model that is used now is told at once, too."""
         return GUARDED * message.guarded, message.acknowledged_model & 0xFF
 
-    def made(
-        self,
-        context: Context,
-        tick: int,
-        time_ns: int,
-        counts: tuple[int, int],
-        state: tuple[int, int],
-        told: list[float],
-    ) -> Command:
+    def made(self, context: Context, tick: int, time_ns: int, counts: Pair, state: Pair, told: Told) -> Command:
         """See `Kind.made`."""
-        position, *place = told
-        guarded = bool(state[0] & GUARDED)
-        who = context.holder, context.epoch, tuple(place), counts[1], context.run
-        return Command(VERSION, tick, time_ns, position, counts[0], guarded, *who)
+        guarded, place = state[0] & GUARDED != 0, tuple(told[1:])
+        who = context.holder, context.epoch, place, counts[1], context.run
+        return Command(VERSION, tick, time_ns, told[0], counts[0], guarded, *who)
 
 
 UNSEEN = (0.0, 0.0, 1.0, math.nan, math.nan, math.nan, math.nan, 0.0, 0.0, 0.0)
 """What is not said of space: normal, depth, and pose of the fixture."""
+
+
+ALONG_A_LINE = 3  # Numbers of telemetry there
 
 
 class Seen(Kind[Telemetry]):
@@ -147,30 +135,21 @@ class Seen(Kind[Telemetry]):
         places = s.desired_x, s.desired_y, s.desired_z, s.place_x, s.place_y, s.place_z
         return (*numbers, *places, s.force_x, s.force_y, s.force_z)
 
-    def counts(self, message: Telemetry) -> tuple[int, int]:
+    def counts(self, message: Telemetry) -> Pair:
         """See `Kind.counts`."""
         return message.command_sequence, message.model_sequence
 
-    def state(self, message: Telemetry) -> tuple[int, int]:
+    def state(self, message: Telemetry) -> Pair:
         """See `Kind.state`."""
         flags = GUARDED * message.guarded | CONTACT * message.in_contact | CLIPPED * message.clipped
         return flags, (message.status & 15) << 4 | message.validity & 15
 
-    def made(
-        self,
-        context: Context,
-        tick: int,
-        time_ns: int,
-        counts: tuple[int, int],
-        state: tuple[int, int],
-        told: list[float],
-    ) -> Telemetry:
+    def made(self, context: Context, tick: int, time_ns: int, counts: Pair, state: Pair, told: Told) -> Telemetry:
         """See `Kind.made`; the velocity is not said, and the force is that of the sensor, too."""
-        (desired, position, force, *rest), flags = told, state[0]
-        space = FollowerSpace(*rest[3:6], *rest[:3], *rest[6:9], *UNSEEN) if rest else None  # type: ignore[arg-type, call-arg]
-        contact, clipped, guarded = bool(flags & CONTACT), bool(flags & CLIPPED), bool(flags & GUARDED)
-        numbers = desired, position, 0.0, force, force, math.nan, contact, clipped, counts[1], TICK_NS, 0, guarded
-        status, validity = state[1] >> 4, state[1] & 15
-        return Telemetry(
-            VERSION, tick, time_ns, counts[0], *numbers, status, validity, context.epoch, context.run, space
-        )
+        flags, force, space = state[0], told[2], None
+        if len(told) > ALONG_A_LINE:
+            space = FollowerSpace(*told[6:9], *told[3:6], *told[9:12], *UNSEEN)  # type: ignore[arg-type, call-arg]
+        moved = told[0], told[1], 0.0, force, force, math.nan
+        contact = flags & CONTACT != 0, flags & CLIPPED != 0, counts[1], TICK_NS, 0, flags & GUARDED != 0
+        who = state[1] >> 4, state[1] & 15, context.epoch, context.run, space
+        return Telemetry(VERSION, tick, time_ns, counts[0], *moved, *contact, *who)

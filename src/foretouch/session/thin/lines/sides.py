@@ -18,7 +18,7 @@ import numpy as np
 from foretouch.messages import Message
 from foretouch.session.thin.lines import stream
 from foretouch.session.thin.lines.kinds import ABSENT, TICK_NS, Context, Kind
-from foretouch.session.thin.lines.stream import DUE, LONGEST_GAP, MOST, NOTHING, SOON, WORTH
+from foretouch.session.thin.lines.stream import DUE, LONGEST_GAP, MISSING, MOST, NOTHING, SOON, WORTH
 
 CONTEXT, LINES = 1, 2  # Kinds of a record
 CONTEXT_PERIOD = 1000  # Ticks between two records of the same context
@@ -54,58 +54,68 @@ class Saying(Generic[M]):
 
     Attributes:
         urgency: Of saying a record of the newest tick: `NOTHING`, `WORTH`, `SOON` or `DUE`.
-        known: Tick of the other side of which is known what its newest record says.
     """
 
     def __init__(self, kind: Kind[M], soon: int = 0) -> None:
-        self.urgency, self.known = NOTHING, LARGEST
-        self._soon, self._soon_tick = soon * kind.robot, LARGEST
+        self.urgency, self._soon, self._soon_tick = NOTHING, soon * kind.robot, LARGEST
         self._kind, self._words = kind, np.zeros(2 * MOST, np.int64)
         self._note, self._say = stream.note.entry, stream.say.entry
         self._fixed: tuple[bool, int, int, str] | None = None
         self._lines: Any = None
+        self._padding: tuple[float, ...] = ()  # numbers that there are not, to `MOST`
         self._message: M | None = None
-        self._told: tuple[Any, ...] = ()  # what the newest record said of what is said at once
-        self._context = self._news = self._context_tick = self._tick = self._now_tick = 0
+        self._now = self._told = (0, 0)  # what is said at once, and what of it the newest record said
+        self._context = self._news = self._context_tick = self._tick = 0
 
     def note(self, message: M) -> None:
         """Note the message of a tick."""
-        kind, fixed = self._kind, self._kind.fixed(message)
+        kind, tick = self._kind, message.sequence
+        fixed = kind.fixed(message)
         if fixed != self._fixed:
-            if self._fixed is None or fixed[0] != self._fixed[0]:
-                self._lines = stream.said(kind.numbers[fixed[0]], kind.positions(fixed[0]))
-            self._fixed, self._news, self._context = fixed, NEWS, zlib.crc32(repr(fixed).encode()) & 0xFFFF
-        self._message, self._now_tick, told = message, message.sequence, kind.told(message)
-        if math.isfinite(sum(told)):
-            urgency = self._note(self._lines, message.sequence, told + (0.0,) * (MOST - len(told)))
-        else:
-            told, urgency = (), DUE if message.sequence - self._tick >= LONGEST_GAP else NOTHING
-        self._now = (bool(told), *kind.state(message))
-        is_news = self._now != self._told or message.sequence >= self._soon_tick
-        news = SOON if self._context_is_due else WORTH if is_news else NOTHING
-        self.urgency = max(urgency, news)
+            self._begin(fixed)
+        self._message, state = message, kind.state(message)
+        urgency = self._note(self._lines, tick, kind.told(message) + self._padding)
+        if urgency == MISSING:
+            state = state[0] | ABSENT, state[1]
+            urgency = DUE if tick - self._tick >= LONGEST_GAP else NOTHING
+        self._now = state
+        if urgency < SOON:
+            if self._is_context_due(tick):
+                urgency = SOON
+            elif state != self._told or tick >= self._soon_tick:
+                urgency = WORTH
+        self.urgency = urgency
 
-    @property
-    def _context_is_due(self) -> bool:
-        return self._news > 0 or self._now_tick - self._context_tick >= CONTEXT_PERIOD
+    def _begin(self, fixed: tuple[bool, int, int, str]) -> None:
+        """From now on this is the context; its lines are new ones where it has other numbers."""
+        if self._fixed is None or fixed[0] != self._fixed[0]:
+            numbers = self._kind.numbers[fixed[0]]
+            self._lines = stream.said(numbers, self._kind.positions(fixed[0]))
+            self._padding = (0.0,) * (MOST - len(numbers))
+        self._fixed, self._news, self._context = fixed, NEWS, zlib.crc32(repr(fixed).encode()) & 0xFFFF
 
-    def record(self, flags: int = 0, most: int = MOST, *, spare: bool = True) -> bytes:
+    def _is_context_due(self, tick: int) -> bool:
+        return self._news > 0 or tick - self._context_tick >= CONTEXT_PERIOD
+
+    def record(self, flags: int = 0, most: int = MOST, *, spare: bool = True, known: int = LARGEST) -> bytes:
         """The record of the newest tick, with these flags; before it that of its context, where it is due.
 
         Args:
             flags: Further ones.
             most: How many numbers are said at most; beside a context that has been said before it is one.
             spare: Whether there is room for a context that has been said before.
+            known: Tick of the other side of which is known what its newest record says.
         """
-        message, kind, chosen, words = self._message, self._kind, 0, b""
+        message, chosen, words = self._message, 0, b""
         assert message is not None
         context = b""
-        if self._news or (spare and self._context_is_due):
+        if self._news or (spare and self._is_context_due(message.sequence)):
             most = most if self._news else 1
-            context = self._context_record(message)
+            context = self._context_record(message, known)
         changed = self._now != self._told
         self._told, self._tick, self.urgency = self._now, message.sequence, NOTHING
-        if self._now[0]:
+        state, status = self._now
+        if not state & ABSENT:
             chosen = self._say(self._lines, self._words, most)
             changed = changed or self._lines["again"][0] > 0
             pairs = self._words[: 2 * chosen.bit_count()].tolist()
@@ -114,22 +124,20 @@ class Saying(Generic[M]):
                 for value, slope in zip(pairs[::2], pairs[1::2], strict=True)
             )
         self._soon_tick = message.sequence + self._soon if self._soon and changed else LARGEST
-        (first, second), (state, status) = self._counts(message), kind.state(message)
-        numbers = message.sequence, message.time_ns // QUARTER_NS, first, second
-        flags |= state if self._now[0] else state | ABSENT
-        head = HEAD.pack(LINES, self._context, *(number & 0xFFFF for number in numbers), flags, status, chosen)
+        numbers = message.sequence, message.time_ns // QUARTER_NS, *self._counts(message, known)
+        head = HEAD.pack(LINES, self._context, *(number & 0xFFFF for number in numbers), flags | state, status, chosen)
         return context + head + words
 
-    def _counts(self, message: M) -> tuple[int, int]:
+    def _counts(self, message: M, known: int) -> tuple[int, int]:
         """Its numbers of messages; of telemetry that newest that said something, not one that goes on from it."""
         first, second = self._kind.counts(message)
-        return first, min(second, self.known)
+        return first, min(second, known)
 
-    def _context_record(self, message: M) -> bytes:
+    def _context_record(self, message: M, known: int) -> bytes:
         assert self._fixed is not None
         self._news, self._context_tick = max(self._news - 1, 0), message.sequence
         space, epoch, run, holder = self._fixed
-        counts = self._counts(message)
+        counts = self._counts(message, known)
         context = Context(self._context, message.sequence, message.time_ns, counts, space, epoch, run, holder)
         data = msgspec.msgpack.encode(context)
         return bytes((CONTEXT, len(data))) + data
@@ -157,6 +165,7 @@ class Hearing(Generic[M]):
         self._context: Context | None = None
         self._other: Context | None = None  # of a sender that is not heard yet
         self._lines: Any = None
+        self._numbers: Any = None  # a view of those of the newest tick
         self.tick = self._time_ns = self._status = self._given = self._silent = self._waiting = 0
 
     def context(self, data: bytes) -> bool:
@@ -181,8 +190,17 @@ class Hearing(Generic[M]):
     def _begin(self, context: Context) -> None:
         """From now on this is the context; its lines are new ones where there was none, or one of other numbers."""
         if self._context is None or self._context.space != context.space:
-            self._lines = stream.heard(self._kind.numbers[context.space], self._kind.positions(context.space))
+            numbers = self._kind.numbers[context.space]
+            self._lines = stream.heard(numbers, self._kind.positions(context.space))
+            self._numbers = self._lines["given"][0, : len(numbers)]
         self._context = context
+
+    def _wait(self) -> None:
+        """Let a tick pass for another sender that waits to be heard."""
+        self._waiting += 1
+        if self._waiting > CONTEXT_PERIOD + LONGEST_GAP:  # it is silent, too
+            self._other = None
+        self._take_over()
 
     def _take_over(self) -> bool:
         """Hear another sender, if the one before has been silent for long; whether it is so."""
@@ -227,23 +245,21 @@ class Hearing(Generic[M]):
 
     def next(self) -> M | None:
         """The message of the next tick of the other side, None where there is none."""
-        self._silent, self._waiting = self._silent + 1, self._waiting + 1
-        if self._waiting > CONTEXT_PERIOD + LONGEST_GAP:  # it is silent, too
-            self._other = None
-        self._take_over()
+        self._silent += 1
+        if self._other is not None:
+            self._wait()
         context = self._context
         if context is None or not self.tick:
             return None
-        count = len(self._kind.numbers[context.space])
         if self.flags & ABSENT:
-            tick, told = max(self._given + 1, self.tick), [math.nan] * count
+            tick, told = max(self._given + 1, self.tick), [math.nan] * self._numbers.size
             if tick - self.tick > stream.REACH:
                 return None
         else:
             tick = self._go_on(self._lines)
             if tick <= self._given:  # none, or as the numbers were missing these ticks were given
                 return None
-            told = self._lines["given"][0, :count].tolist()
+            told = self._numbers.tolist()
         self._given = tick
         time_ns = max(self._time_ns + (tick - self.tick) * TICK_NS, 0)
         return self._kind.made(context, tick, time_ns, self.counts, (self.flags, self._status), told)

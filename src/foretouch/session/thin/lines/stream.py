@@ -94,18 +94,19 @@ FORCE = Number(bound=0.05, step=2e-3, slope_step=1e-3, share=0.05)
 
 def said(numbers: tuple[Number, ...], positions: int) -> NDArray[Any]:
     """State of a sender of these numbers, of which the first are positions that a robot goes to."""
-    made = Said.new()
-    lines = made["lines"]
-    lines["count"], lines["positions"], lines["values"] = len(numbers), positions, math.nan
+    made = _begun(Said.new(), numbers, positions)
     for at, one in enumerate(numbers):
         made["bounds"][0, at], made["shares"][0, at] = one.bound, one.share
-        made["steps"][0, at], made["slope_steps"][0, at] = one.step, one.slope_step
     return made
 
 
 def heard(numbers: tuple[Number, ...], positions: int) -> NDArray[Any]:
     """State of a receiver of these numbers, of which the first are positions that a robot goes to."""
-    made = Heard.new()
+    return _begun(Heard.new(), numbers, positions)
+
+
+def _begun(made: NDArray[Any], numbers: tuple[Number, ...], positions: int) -> NDArray[Any]:
+    """The state with lines of which nothing is known, and the steps in which they are said."""
     lines = made["lines"]
     lines["count"], lines["positions"], lines["values"] = len(numbers), positions, math.nan
     for at, one in enumerate(numbers):
@@ -135,14 +136,14 @@ def _error(said: Said, i: int) -> float:
     return float(wrong / (said.bounds[i] + said.shares[i] * abs(number)))
 
 
-NOTHING, WORTH, SOON, DUE = range(4)
-"""Whether a packet is to be said now: no; yes, for a line is wrong; yes, for the lines will soon have gone on as far as
-they may; and in any case, as the sign of life."""
+MISSING, NOTHING, WORTH, SOON, DUE = range(-1, 4)
+"""Whether a packet is to be said now: not known, for numbers are missing; no; yes, for a line is wrong; yes, for the
+lines will soon have gone on as far as they may; and in any case, as the sign of life."""
 
 
 @kernel("i8(Said[::1], i8, UniTuple(f8, 16))")
 def note(saids: NDArray[np.void], tick: int, numbers: tuple[float, ...]) -> int:
-    """Note the numbers of a tick, all finite; `NOTHING`, `WORTH`, `SOON` or `DUE`.
+    """Note the numbers of a tick: `NOTHING`, `WORTH`, `SOON` or `DUE`; `MISSING`, and none noted, if one is not finite.
 
     Args:
         saids: An array of one `Said`; written.
@@ -150,6 +151,9 @@ def note(saids: NDArray[np.void], tick: int, numbers: tuple[float, ...]) -> int:
         numbers: As many as there are; the rest is not read.
     """
     said, lines = saids[0], saids[0].lines
+    for i in range(lines.count):
+        if not math.isfinite(numbers[i]):
+            return MISSING
     if tick != said.tick + 1:  # ticks are missing: their slope is not known, and the lines do not go on over them
         said.noted = 0
         for i in range(lines.count):

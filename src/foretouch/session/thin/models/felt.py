@@ -95,7 +95,7 @@ def remember(laws: NDArray[np.void], surface: float, touches: Touches) -> None:
 
 @kernel("f8(Law[::1], f8, Touches)")
 def gap(laws: NDArray[np.void], surface: float, touches: Touches) -> float:
-    """The largest difference of a law to that which the leader has, in just noticeable differences."""
+    """How far the force of a law is from that of the leader's law at most [just noticeable differences]."""
     largest = 0.0
     for point in range(AT_EDGE):
         if touches.known[point] != 0:

@@ -59,7 +59,7 @@ HURRY_NS = 20_000_000
 a model is acknowledged, those after it say again what it said."""
 
 LONGEST_NS = 2_000_000_000  # Longest time between two models [ns]
-PATIENCE = 1.5  # Round trips after which a model that nobody acknowledged is said again
+PATIENCE = 1.5  # Round trips after which a model is said again that the leader has not acknowledged
 SELDOM_NS = 10_000_000_000  # Time between two messages of the numbers that only people look at [ns]
 REMEMBERED, BASES = 64, 48  # Models that are remembered; and the newest, of which the other end keeps all
 
