@@ -1,7 +1,8 @@
 """Measure sessions over thin and over measured networks, and write docs/thin-links.md's tables and figure.
 
-Usage: `.venv/bin/python docs/measure_budget.py [budgets] [traces] [cost]`, without names for all: an hour on two
-cores. The seeds are 9001 to 9008; of sessions that feel the delayed force, the first three.
+Usage: `.venv/bin/python docs/measure_budget.py [budgets] [losses] [traces] [cost]`, without names for all: an hour on
+two cores. The seeds are 9001 to 9008; of sessions that feel the delayed force, and of `losses`, which takes some
+minutes, the first three.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partialmethod
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,11 +25,12 @@ from measured_blocks import fill
 from measuring import figure, table
 
 from foretouch.link import NETWORK_NAMES, PUBLISHED_NETWORKS
-from foretouch.messages import SessionLog, Status
+from foretouch.messages import Command, SessionLog, Status
 from foretouch.report import session_figures
 from foretouch.robot import material_names
 from foretouch.session import SessionSettings, simulate
 from foretouch.session.thin import FollowerEnd, LeaderEnd
+from foretouch.session.thin.ends import ENDS, PROTECTIONS
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE, PICTURE = ROOT / "docs" / "thin-links.md", ROOT / "docs" / "images" / "thin-links.png"
@@ -37,6 +40,8 @@ DURATION = 20.0  # Of a session [s]
 TRACED = 60.0  # Of one over a measured network [s]
 BUDGETS = (1000.0, 2000.0, 8000.0)
 MATERIAL = "foam-measured"
+PRESSED = (MATERIAL, "hunt-crossley", "bone")  # Where packets are lost
+LOSSES = ((0.0, 1.0), (0.05, 1.0), (0.1, 1.0), (0.2, 1.0), (0.1, 4.0))  # Ratio, and mean length of a burst [packets]
 DEADBAND, DEADBAND_LEAST, SAMPLE_BYTES = 0.10, 0.05, 16
 """Of a codec of forces: the part of the force that it leaves out, the least [N], and bytes of a sample: ten around it,
 a force and a time."""
@@ -63,7 +68,11 @@ class Ran(NamedTuple):
 def run(material: str, seed: int, budget: float = 0.0, duration: float = DURATION, **settings: Any) -> Ran:
     """A session with a hand that feels it."""
     chosen = SessionSettings(material=material, grip="normal", seed=seed, budget=budget, **settings)
-    log = simulate(chosen, duration=duration, say=lambda _: None).log
+    return ran_of(simulate(chosen, duration=duration, say=lambda _: None).log, duration)
+
+
+def ran_of(log: SessionLog, duration: float) -> Ran:
+    """The figures of a session."""
     found = session_figures(log)
     heard, hand = found["heard"], found["hand"]
     kept = hand["certificate_holds"] and not log.counts["step_failures"] and not log.counts["models_refused"]
@@ -111,6 +120,75 @@ def deadbanded(log: SessionLog, duration: float) -> tuple[float, float]:
 def all_of(cases: list[tuple[Any, ...]], **settings: Any) -> Any:
     """The figures of sessions, two at a time, a row each."""
     return np.array(Parallel(n_jobs=2)(delayed(run)(*case, **settings) for case in cases))
+
+
+class Loss(NamedTuple):
+    """What is measured of a session that loses packets."""
+
+    error: float  # of the predicted force [%]
+    apart: float  # of 99 of 100 commands at the robot's side, from the leader's of the same number at most [um]
+    without: float  # of the ticks, those without a command, after the first [%]
+    whole: float  # models that came
+    never: float  # and that did not
+    there: float  # bytes a second
+    back: float
+    stable: float  # as in `Ran`
+    kept: float
+
+
+def lost(material: str, seed: int, protection: str, loss: float, burst: float) -> Loss:
+    """A session over 2,000 bytes a second that loses packets."""
+    ends: list[LeaderEnd] = []
+    told: list[list[Any]] = []  # what the follower heard in each tick
+
+    class KeptLeader(LeaderEnd):
+        def __init__(self, *given: Any) -> None:
+            super().__init__(*given)
+            ends.append(self)
+            told.clear()
+
+    class KeptFollower(FollowerEnd):
+        def heard(self, *given: Any) -> list[Any]:
+            told.append(super().heard(*given))
+            return told[-1]
+
+    ENDS.update(leader=KeptLeader, follower=KeptFollower)
+    log = simulate(
+        SessionSettings(
+            material=material, grip="normal", seed=seed, budget=2000.0, protection=protection, loss=loss, burst=burst
+        ),
+        duration=DURATION,
+        say=lambda _: None,
+    ).log
+    ran = ran_of(log, DURATION)
+    commands = [[one for one in due if isinstance(one, Command)] for due in told]
+    first = next(tick for tick, due in enumerate(commands) if due)
+    heard = [due[-1] for due in commands if due and due[-1].sequence <= log.leader.size]
+    true = log.leader["position"][[one.sequence - 1 for one in heard]]
+    wrong = np.abs(np.array([one.position for one in heard]) - true)
+    apart = 1e6 * float(np.nanpercentile(wrong, 99.0))
+    without = 100.0 * sum(not due for due in commands[first:]) / len(commands[first:])
+    return Loss(ran.error, apart, without, *ends[-1].models_came, ran.there, ran.back, ran.stable, ran.kept)
+
+
+def losses() -> dict[str, str]:
+    """Sessions that lose packets, by what is sent against it."""
+    cases = [
+        (material, seed, protection, *loss)
+        for loss, protection, material, seed in product(LOSSES, PROTECTIONS, PRESSED, FEW_SEEDS)
+    ]
+    found = np.array(Parallel(n_jobs=2)(delayed(lost)(*case) for case in cases))
+    rows = []
+    groups = found.reshape(len(LOSSES) * len(PROTECTIONS), -1, len(Loss._fields))
+    for ((loss, burst), protection), group in zip(product(LOSSES, PROTECTIONS), groups, strict=True):
+        mean = Loss(*np.nanmean(group, axis=0))
+        never = 100.0 * mean.never / (mean.whole + mean.never)
+        name = f"{100 * loss:g}" + f", in bursts of {burst:g}" * (burst > 1.0)
+        others = mean.there, mean.back, 100.0 * mean.stable, 100.0 * mean.kept
+        rows.append([name, f"`{protection}`", *map(figure, (mean.error, never, mean.apart, mean.without, *others))])
+    heads = ("Lost [%]", "Protection", "Error [%]", "Models never whole [%]", "Commands off by [um]")
+    more = ("Ticks without one [%]", "There [B/s]", "Back [B/s]", "Stable [%]", "Certificate kept [%]")
+    return {"losses": table((*heads, *more), rows)}
 
 
 def budgets() -> dict[str, str]:
@@ -285,7 +363,12 @@ def _middle_and_late(taken: Any) -> tuple[float, float]:
     return float(np.median(ticks)), float(np.percentile(ticks, 99.0))
 
 
-SECTIONS: dict[str, Callable[[], dict[str, str]]] = {"budgets": budgets, "traces": traces, "cost": cost}
+SECTIONS: dict[str, Callable[[], dict[str, str]]] = {
+    "budgets": budgets,
+    "losses": losses,
+    "traces": traces,
+    "cost": cost,
+}
 
 
 def main() -> None:

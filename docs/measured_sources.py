@@ -85,10 +85,8 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
         ),
     },
     "docs/thin-links.md": {
-        **dict.fromkeys(
-            ("budgets", "delayed"), ("measure_budget:budgets", SIMULATE, "foretouch.session.thin.ends:End")
-        ),
-        "traces": ("measure_budget:traces", *THIN),
+        **dict.fromkeys(("budgets", "delayed"), ("measure_budget:budgets", *THIN)),
+        **{name: (f"measure_budget:{name}", *THIN) for name in ("losses", "traces")},
         "cost": ("measure_budget:cost", "foretouch.session.thin.ends:End"),
     },
     "docs/faults.md": {"faults": ("measure_faults:main", "test_session_soak_fire", *LIVE)},

@@ -116,6 +116,9 @@ LEAST_BUDGET = 1000.0
 """Least bytes a second over a thin link: signs of life every 50 ms take half of them, and a model still comes within
 two seconds."""
 
+PROTECTIONS = ("none", "parity", "strong")
+"""Names of what is sent against loss, `foretouch.session.thin.ends.Protection`."""
+
 
 @dataclass(frozen=True)
 class Declared:
@@ -326,6 +329,12 @@ class Declared:
         f"Bytes that each side may send in a second, at least {LEAST_BUDGET:g}, so that only what can be felt is sent; "
         "0 for all messages as they are.",
         at_least=0.0,
+    )
+    protection: str = _network(
+        "parity",
+        "What a side with a budget sends against loss: none, where nothing is lost; parity, by which one lost piece of "
+        "a model comes back; strong, where a tenth and more is lost.",
+        choices=PROTECTIONS,
     )
 
 

@@ -135,6 +135,8 @@ class SessionSettings(Declared, Brief):
         self._check_baseline()
         if self.budget:
             require("budget", self.budget, at_least=LEAST_BUDGET)
+        elif self.protection != type(self).protection:
+            raise SettingError("protection", self.protection, "is of a thin link: give a budget, too")
         require("unload_after", self.unload_after, at_least=self.hold_after)
         common = {name: getattr(self, name) for name in FAULTS}
         object.__setattr__(self, "command_faults", Faults(self.position_delay, **common, seed=2 * self.seed))

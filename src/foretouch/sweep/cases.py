@@ -101,6 +101,7 @@ def draw_case(
     robot: str = SIMULATED,
     network: str = "",
     budget: float = 0.0,
+    protection: str = "parity",
 ) -> Case:
     r"""The session with this number.
 
@@ -113,7 +114,8 @@ def draw_case(
     logarithm from 10 ms to 5 s. Where it is long the session is too, by 4 round trips: knowledge of a surface takes
     that long to arrive. Number and seed are 0 or more, the duration [s] is 2 or more, of which whole milliseconds are
     taken; an argument out of range is a SettingError. Another robot changes nothing else of the session; a named
-    network takes the place of delay and faults, and each session begins somewhere in it. A budget changes nothing else.
+    network takes the place of delay and faults, and each session begins somewhere in it. A budget changes nothing else,
+    and neither does a protection.
 
     References:
         The recurrence: Roberts (2018), The unreasonable effectiveness of quasirandom sequences.
@@ -141,7 +143,7 @@ def draw_case(
         start = round(network_trace(network).length * random.uniform(), 3)
         options |= {"position_delay": 0.0, "force_delay": 0.0, "network": network, "network_start": start}
     if budget:
-        options |= {"budget": budget}
+        options |= {"budget": budget} | ({} if protection == "parity" else {"protection": protection})
     return Case(number, lasting, network or faults, options)
 
 

@@ -20,7 +20,8 @@ from foretouch.errors import InputError, SettingError, UnknownNameError
 from foretouch.errors.checks import require
 from foretouch.link import network_trace
 from foretouch.robot import read_arm
-from foretouch.settings import ARMS, BASELINES, LEAST_BUDGET, SIMULATED, is_arm, is_simulated
+from foretouch.session import SessionSettings
+from foretouch.settings import ARMS, BASELINES, SIMULATED, is_arm, is_simulated
 from foretouch.sweep.cases import Case, baseline_numbers, draw_case
 from foretouch.sweep.outcome import Outcome, failed, run_case
 
@@ -44,6 +45,10 @@ SHOWING = (
 """Files and folders of these that only show it, or other things."""
 
 
+KINDS = ("robot", "network", "budget", "protection")
+"""What a plan may choose for all of its sessions, beside seed and duration."""
+
+
 class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The settings that all rows of a folder have in common."""
 
@@ -54,6 +59,7 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     robot: str = SIMULATED  # of all sessions
     network: str = ""  # likewise
     budget: float = 0.0  # likewise
+    protection: str = "parity"  # likewise
 
 
 @functools.cache
@@ -78,7 +84,7 @@ class Store:
     def __init__(self, folder: str | Path, plan: Plan) -> None:
         self.path = Path(folder) / FILE_NAME
         # It is, or will be, in the first line.
-        kinds = plan.robot, plan.network, plan.budget
+        kinds = (getattr(plan, name) for name in KINDS)
         self.header = Header(__version__, code_digest(), plan.seed, plan.duration, *kinds)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -92,7 +98,7 @@ class Store:
         if header != self.header:
             differs = f"was made with --seed {header.seed} --duration {header.duration_s:g} --robot {header.robot}"
             differs += f" --network {header.network}" * bool(header.network)
-            differs += f" --budget {header.budget:g}" * bool(header.budget)
+            differs += f" --budget {header.budget:g} --protection {header.protection}" * bool(header.budget)
             if (header.version, header.code) != (self.header.version, self.header.code):
                 differs = "was made by other code, whose sessions are not comparable"
             raise InputError(f"{self.path}: {differs}; give another --out, or remove the file")
@@ -151,6 +157,7 @@ class Plan:
         network: Network of all sessions in the place of delays and faults that are drawn: a name, or a file; "" for
             none.
         budget: Bytes a second that each side of a session may send; 0 for all messages as they are.
+        protection: What it sends against loss, then.
 
     Raises:
         SettingError: A number out of range, a robot that is not simulated, or a file that is no network's.
@@ -166,6 +173,7 @@ class Plan:
     robot: str = SIMULATED
     network: str = ""
     budget: float = 0.0
+    protection: str = "parity"
 
     def __post_init__(self) -> None:
         require("sessions", self.sessions, at_least=1)
@@ -177,14 +185,13 @@ class Plan:
             raise SettingError("robot", self.robot, rule)
         if self.network:
             network_trace(self.network)
-        if self.budget:
-            require("budget", self.budget, at_least=LEAST_BUDGET)
+        SessionSettings(budget=self.budget, protection=self.protection)  # refused here, and not in each session
         if is_arm(self.robot):
             read_arm(self.robot)  # one line here, and not one in each session
 
     def cases(self) -> list[Case]:
         """All sessions; a baseline's follow ours of the same number, so that a partial sweep can be compared."""
-        same: Any = {name: getattr(self, name) for name in ("seed", "duration", "robot", "network", "budget")}
+        same: Any = {name: getattr(self, name) for name in ("seed", "duration", *KINDS)}
         ours = [draw_case(number, **same) for number in range(self.sessions)]
         both = set(baseline_numbers(ours, self.baselines))
         return [
@@ -282,6 +289,6 @@ def replay_session(folder: str | Path, number: int, *, baseline: str = "none") -
     if stored is None:
         of = "" if baseline == "none" else f" with the baseline {baseline}"
         raise InputError(f"{Path(folder) / FILE_NAME}: has no session {number}{of}, but {len(rows)} others")
-    same: Any = {name: getattr(header, name) for name in ("seed", "robot", "network", "budget")}
+    same: Any = {name: getattr(header, name) for name in ("seed", *KINDS)}
     case = draw_case(number, duration=header.duration_s, **same).rendering(baseline)
     return Replayed(stored, run_case(case), header.code == code_digest())

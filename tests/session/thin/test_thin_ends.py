@@ -29,9 +29,9 @@ from foretouch.messages import (
     encode,
 )
 from foretouch.session import SessionSettings
-from foretouch.session.network.pieces import PARITY, PIECE, Outbox
+from foretouch.session.network.pieces import PARITIES, PIECE, Outbox
 from foretouch.session.thin import FollowerEnd, LeaderEnd, end_of
-from foretouch.session.thin.ends import EMERGENCY, HELLO_NS
+from foretouch.session.thin.ends import EMERGENCY, HELLO_NS, PROTECTIONS, USUAL
 from foretouch.session.thin.lines.sides import CONTEXT, LINES
 from foretouch.session.thin.lines.stream import LONGEST_GAP, REACH
 
@@ -52,10 +52,12 @@ def at_once() -> tuple[SerialLink, SerialLink]:
     return SerialLink(1e9), SerialLink(1e9)
 
 
-@pytest.mark.parametrize("budget", [1000.0, 2000.0, 5000.0])
+@pytest.mark.parametrize(
+    ("budget", "protection"), [(1000.0, USUAL), (2000.0, "none"), (2000.0, "strong"), (5000.0, USUAL)]
+)
 @pytest.mark.parametrize("weight", WEIGHTS)
-def test_no_second_has_more_bytes_than_the_budget_and_a_packet(weight: str, budget: float) -> None:
-    both = BothEnds(budget, at_once(), **WEIGHTS[weight])
+def test_no_second_has_more_bytes_than_the_budget_and_a_packet(weight: str, budget: float, protection: str) -> None:
+    both = BothEnds(budget, at_once(), protection=protection, **WEIGHTS[weight])
     both.run(1000 * SECONDS)
     for end, sent in zip((both.leader, both.follower), both.sent, strict=True):
         largest = max(size for _, size in sent)
@@ -106,14 +108,24 @@ def test_big_things_come_through_beside_noise(weight: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("weight", "trials"), [("silent", 200), ("images", 200), ("saturated", 1000), ("saturated space", 200)]
+    ("weight", "trials", "protection"),
+    [
+        ("silent", 200, USUAL),
+        ("images", 200, USUAL),
+        ("saturated", 1000, USUAL),
+        ("saturated space", 200, USUAL),
+        ("heavy", 200, "none"),
+        ("saturated", 200, "strong"),
+    ],
 )
-def test_an_emergency_stop_is_heard_within_sixty_milliseconds_beside_all_else(weight: str, trials: int) -> None:
+def test_an_emergency_stop_is_heard_within_sixty_milliseconds_beside_all_else(
+    weight: str, trials: int, protection: str
+) -> None:
     """Over a serial link of the budget's rate, in simulated time; what it takes, in milliseconds."""
     delay = 30
     links = SerialLink(2000.0, delay * MS), SerialLink(2000.0, delay * MS)
     both, draw, took = (
-        BothEnds(2000.0, links, **(WEIGHTS[weight] | {"holder": "somebody@a-machine"})),
+        BothEnds(2000.0, links, protection=protection, **(WEIGHTS[weight] | {"holder": "somebody@a-machine"})),
         random.Random(1),
         [],
     )
@@ -194,7 +206,7 @@ def hostile(side: int, draw: random.Random) -> bytes:
         case 0:
             return draw.randbytes(draw.randint(0, 300))
         case 1:
-            return bytes((draw.choice((CONTEXT, LINES, PIECE, PARITY, EMERGENCY)),)) + draw.randbytes(
+            return bytes((draw.choice((CONTEXT, LINES, PIECE, *PARITIES, EMERGENCY)),)) + draw.randbytes(
                 draw.randint(0, 40)
             )
         case 2:
@@ -225,7 +237,7 @@ def test_hostile_bytes_raise_nothing_and_nothing_comes_of_them_that_is_no_messag
     for message in out:
         again = decode(encode(message), type(message))
         assert encode(again) == encode(message)
-    assert sum(len(known or ()) for _, _, known in end._inbox._begun.values()) <= 5 * 257
+    assert sum(len(begun.pieces) + len(begun.parities) for begun in end._inbox._begun.values()) <= 5 * 263
 
 
 def test_an_end_that_heard_nonsense_hears_who_speaks_then() -> None:
@@ -244,7 +256,7 @@ def test_an_end_that_heard_nonsense_hears_who_speaks_then() -> None:
 
 def pieces_of(name: str, data: bytes) -> list[bytes]:
     names = ("stop", "model", "field", "hello")
-    outbox, records = Outbox(names, 200), []
+    outbox, records = Outbox(names, 200, PROTECTIONS[USUAL]), []
     outbox.put(name, data)
     while record := outbox.next(200):
         records.append(record)

@@ -1,17 +1,33 @@
-"""What goes in pieces comes out whole: any one lost piece comes back, and no piece is taken for another's."""
+"""What goes in pieces comes out whole: lost ones come back from parities, and no piece is taken for another's."""
 
 from __future__ import annotations
 
 import random
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foretouch.session.network.pieces import LONGEST, MOST_PIECES, PARITY, PIECE, PIECE_HEAD, SHORTEST, Inbox, Outbox
+from foretouch.session.network.erasure import MOST_PARITIES, parity_of, restored
+from foretouch.session.network.pieces import (
+    LONGEST,
+    MOST_PIECES,
+    PARITIES,
+    PIECE,
+    PIECE_HEAD,
+    SHORTEST,
+    Inbox,
+    Outbox,
+)
+from foretouch.session.thin.ends import PROTECTIONS, USUAL
 
 NAMES = ("urgent", "usual", "seldom")
 contents = st.binary(min_size=1, max_size=600)
 rooms = st.integers(PIECE_HEAD + SHORTEST, 255)
+
+
+def outbox_of(room: int, protection: str = USUAL) -> Outbox:
+    return Outbox(NAMES, room, PROTECTIONS[protection])
 
 
 def all_records(outbox: Outbox, room: int) -> list[bytes]:
@@ -32,25 +48,64 @@ def taken(inbox: Inbox, records: list[bytes]) -> list[tuple[str, bytes]]:
     return whole
 
 
+@pytest.mark.parametrize("protection", PROTECTIONS)
 @given(content=contents, room=rooms, data=st.data())
-def test_any_one_lost_piece_comes_back_in_any_order_and_however_often(
-    content: bytes, room: int, data: st.DataObject
+def test_as_many_lost_pieces_as_there_are_parities_come_back_in_any_order_and_however_often(
+    protection: str, content: bytes, room: int, data: st.DataObject
 ) -> None:
-    outbox, inbox = Outbox(NAMES, room), Inbox(NAMES)
+    outbox, inbox = outbox_of(room, protection), Inbox(NAMES)
     outbox.put("usual", content)
     records = all_records(outbox, room)
-    if len(records) > 1:
+    parities = sum(record[0] != PIECE for record in records)
+    count = len(records) - parities
+    assert parities == {"none": 0, "parity": int(count > 1), "strong": min(count // 2 + 1, MOST_PARITIES)}[protection]
+    for _ in range(data.draw(st.integers(0, parities))):
         del records[data.draw(st.integers(0, len(records) - 1))]
     records = data.draw(st.permutations(records + records[:3]))
     assert taken(inbox, records) == [("usual", content)]
     assert taken(inbox, records) == []  # doubled
+    assert (inbox.whole["usual"], inbox.broken["usual"], inbox.missed["usual"]) == (1, 0, 0)
+
+
+@given(things=st.lists(st.tuples(contents, st.sampled_from(list(PROTECTIONS))), max_size=12), data=st.data())
+def test_whatever_is_lost_nothing_wrong_comes_of_the_rest(things: list[tuple[bytes, str]], data: st.DataObject) -> None:
+    """Of a sender whose protection may be any, and changes."""
+    outboxes, inbox, expected = {name: outbox_of(40, name) for name in PROTECTIONS}, Inbox(NAMES), []
+    for number, (content, protection) in enumerate(things):
+        outbox = outboxes[protection]
+        outbox._numbers["usual"] = number
+        outbox.put("usual", content)
+        records = all_records(outbox, 40)
+        came = [record for record in records if data.draw(st.integers(0, 3))]
+        pieces = sum(record[0] == PIECE for record in records)
+        expected += [("usual", content)] if len(came) >= pieces else []
+        assert taken(inbox, came) == expected[len(expected) - (len(came) >= pieces) :]
+    assert inbox.whole["usual"] == len(expected)
+    assert inbox.broken["usual"] + inbox.missed["usual"] <= len(things) - len(expected)
+
+
+@given(count=st.integers(1, MOST_PIECES), size=st.integers(1, 20), data=st.data())
+def test_any_pieces_come_back_from_any_parities(count: int, size: int, data: st.DataObject) -> None:
+    draw = data.draw(st.randoms(use_true_random=False))
+    pieces = [draw.randbytes(size) for _ in range(count)]
+    rows = range(min(MOST_PARITIES, MOST_PIECES + 1 - count))
+    lost = draw.sample(range(count), draw.randint(1, min(count, len(rows))))
+    parities = {row: parity_of(pieces, row) for row in draw.sample(rows, len(lost))}
+    kept = {place: piece for place, piece in enumerate(pieces) if place not in lost}
+    assert restored(kept, parities, count) == pieces
+    parities.popitem()
+    assert restored(kept, parities, count) == []
+
+
+def test_the_first_parity_is_the_exclusive_or_of_the_pieces() -> None:
+    assert parity_of([b"\x0f\x33", b"\xf0\x11", b"\x01"], 0) == b"\xfe\x22"
 
 
 @given(things=st.lists(contents, min_size=2, max_size=40), room=rooms, seed=st.integers(0, 10**6))
 def test_things_come_in_their_order_though_pieces_do_not(things: list[bytes], room: int, seed: int) -> None:
     """Each piece is late by some, lost or doubled: nothing comes twice, or after a newer one, or changed."""
     draw = random.Random(seed)
-    outbox, inbox = Outbox(NAMES, room), Inbox(NAMES)
+    outbox, inbox = outbox_of(room), Inbox(NAMES)
     coming: list[tuple[float, bytes]] = []
     for number, content in enumerate(things):
         outbox.put("usual", number.to_bytes(2) + content)
@@ -64,7 +119,7 @@ def test_things_come_in_their_order_though_pieces_do_not(things: list[bytes], ro
 
 
 def test_numbers_come_round() -> None:
-    outbox, inbox = Outbox(NAMES, 40), Inbox(NAMES)
+    outbox, inbox = outbox_of(40), Inbox(NAMES)
     for number in range(1000):
         content = number.to_bytes(2) * 40
         outbox.put("seldom", content)
@@ -72,7 +127,7 @@ def test_numbers_come_round() -> None:
 
 
 def test_the_newest_of_a_name_wins_and_what_has_begun_is_sent() -> None:
-    outbox, inbox = Outbox(NAMES, 40), Inbox(NAMES)
+    outbox, inbox = outbox_of(40), Inbox(NAMES)
     outbox.put("usual", b"a" * 100)
     begun = [outbox.next(40)]
     outbox.put("usual", b"b" * 100)
@@ -83,7 +138,7 @@ def test_the_newest_of_a_name_wins_and_what_has_begun_is_sent() -> None:
 
 
 def test_what_is_more_urgent_goes_first() -> None:
-    outbox = Outbox(NAMES, 40)
+    outbox = outbox_of(40)
     outbox.put("seldom", b"a" * 100)
     outbox.put("usual", b"b" * 100)
     first = outbox.next(40)
@@ -94,7 +149,7 @@ def test_what_is_more_urgent_goes_first() -> None:
 
 
 def test_a_short_room_makes_no_crumbs_and_blocks_nothing() -> None:
-    outbox, inbox = Outbox(NAMES, 40), Inbox(NAMES)
+    outbox, inbox = outbox_of(40), Inbox(NAMES)
     outbox.put("usual", bytes(300))
     assert outbox.next(7) == b""
     records = all_records(outbox, 40)
@@ -104,7 +159,7 @@ def test_a_short_room_makes_no_crumbs_and_blocks_nothing() -> None:
 
 @given(size=st.integers(1, 70_000), room=st.integers(PIECE_HEAD + 1, 400))
 def test_what_is_too_long_is_left_out_and_the_rest_goes_on(size: int, room: int) -> None:
-    outbox, inbox = Outbox(NAMES, room), Inbox(NAMES)
+    outbox, inbox = outbox_of(room), Inbox(NAMES)
     outbox.put("urgent", bytes(size))
     outbox.put("seldom", b"short")
     whole = taken(inbox, all_records(outbox, room))
@@ -115,7 +170,7 @@ def test_what_is_too_long_is_left_out_and_the_rest_goes_on(size: int, room: int)
 
 def test_another_sender_counts_anew() -> None:
     inbox = Inbox(NAMES)
-    first, second = Outbox(NAMES, 40), Outbox(NAMES, 40)
+    first, second = outbox_of(40), outbox_of(40)
     first.put("usual", b"first")
     second.put("usual", b"second")
     assert taken(inbox, all_records(first, 40)) == [("usual", b"first")]
@@ -124,7 +179,7 @@ def test_another_sender_counts_anew() -> None:
 
 
 def test_what_lacks_two_pieces_is_counted_when_the_next_begins() -> None:
-    outbox, inbox = Outbox(NAMES, 40), Inbox(NAMES)
+    outbox, inbox = outbox_of(40), Inbox(NAMES)
     for content in (b"a" * 100, b"b" * 100):
         outbox.put("usual", content)
         records = all_records(outbox, 40)
@@ -137,10 +192,10 @@ def test_hostile_pieces_raise_nothing_and_fill_nothing(pieces: list[bytes], seed
     draw, inbox = random.Random(seed), Inbox(NAMES)
     for piece in pieces:
         head = bytes(
-            (draw.choice((PIECE, PARITY)), draw.randint(0, 4), *(draw.choice((0, 1, 2, 3, 255)) for _ in range(4)))
+            (draw.choice((PIECE, *PARITIES)), draw.randint(0, 4), *(draw.choice((0, 1, 2, 3, 255)) for _ in range(4)))
         )
         end, _, _ = inbox.take(head + piece, 0)
         assert end == -1 or PIECE_HEAD <= end <= len(head) + len(piece)
-    kept = [known for _, _, known in inbox._begun.values() if known]
-    assert len(inbox._begun) <= len(NAMES)
-    assert sum(len(piece) for known in kept for piece in known.values()) <= len(NAMES) * 257 * 255
+    kept = [[*begun.pieces.values(), *begun.parities.values()] for begun in inbox._begun.values()]
+    assert len(kept) <= len(NAMES)
+    assert sum(len(one) for known in kept for one in known) <= len(NAMES) * (MOST_PIECES + MOST_PARITIES) * 255

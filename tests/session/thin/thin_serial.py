@@ -11,6 +11,7 @@ from thin_ticks import EPOCH, MS, RUN, command_at, telemetry_at
 
 from foretouch.messages import VERSION, CameraImage, FieldUpdate, Hello, Message, ModelUpdate, encode
 from foretouch.session.thin import FollowerEnd, LeaderEnd
+from foretouch.session.thin.ends import USUAL
 
 
 class SerialLink:
@@ -66,13 +67,14 @@ class BothEnds:
         noise: Standard deviation of positions [m]; forces have a thousand times as much [N].
         heavy: Whether there are hellos, fields and models.
         images: Whether there is a camera.
+        protection: Of both ends.
     """
 
     def __init__(
         self, budget: float, links: tuple[Any, Any], *, space: bool = False, noise: float = 0.0, heavy: bool = False,
-        seed: int = 0, holder: str = "somebody@here", images: bool = False,
+        seed: int = 0, holder: str = "somebody@here", images: bool = False, protection: str = USUAL,
     ) -> None:  # fmt: skip
-        self.leader, self.follower = LeaderEnd(budget), FollowerEnd(budget)
+        self.leader, self.follower = LeaderEnd(budget, 0.0, protection), FollowerEnd(budget, 0.0, protection)
         self.links, self.space, self.heavy, self.holder = links, space, heavy, holder
         self._random, self._noise, self._images = np.random.default_rng(seed), noise, images
         self.sent: tuple[list[tuple[int, int]], list[tuple[int, int]]] = [], []  # time [ns] and bytes

@@ -166,15 +166,19 @@ class Sessions:
     budget: Annotated[
         float, typer.Option(help="Bytes that each side of a session may send in a second; 0 for all messages.")
     ] = 0.0
+    protection: Annotated[
+        str, typer.Option(help="What they send against loss, with a budget: none, parity or strong.")
+    ] = "parity"
 
     def plan(self, quick: bool) -> Plan:
         """What is run, or a dozen short sessions."""
         from foretouch.sweep import Plan
 
+        same = self.seed, self.robot, self.network, self.budget, self.protection
         if quick:
-            return Plan(12, 2, 4.0, self.seed, self.robot, self.network, self.budget)
+            return Plan(12, 2, 4.0, *same)
         compared = min(100, self.sessions) if self.baselines is None else self.baselines
-        return Plan(self.sessions, compared, self.duration, self.seed, self.robot, self.network, self.budget)
+        return Plan(self.sessions, compared, self.duration, *same)
 
 
 @command(which=Sessions, workers=Workers)

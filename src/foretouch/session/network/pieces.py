@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-PIECE, PARITY = 3, 4  # Kinds of a record: a piece of something longer, and the exclusive or of its pieces
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from foretouch.session.network.erasure import MOST_PARITIES, parity_of, restored
+
+PIECE = 3  # Kind of a record: a piece of something longer
+PARITIES = bytes((4, *range(6, 5 + MOST_PARITIES)))  # and of its parities, by their rows
 PIECE_HEAD = 6
-"""Bytes of a record before its content: kind, name, number, place among the pieces, their count, and size."""
+"""Bytes of a record before its content: kind, name, number, place among the pieces, their count, and size. A parity has
+the size of the last piece in the place of its own."""
 MOST_PIECES, SHORTEST, LONGEST = 255, 16, 249  # Pieces of a thing, and bytes of one, unless it is the last
 NUMBERS = 255  # Things of a name that have numbers of their own, from 1
-
-
-def parity_of(pieces: list[bytes]) -> bytes:
-    """The exclusive or of pieces, of which the last may be shorter: one that is lost comes back."""
-    size = len(pieces[0])
-    total = 0
-    for piece in pieces:
-        total ^= int.from_bytes(piece.ljust(size, b"\0"), "little")
-    return total.to_bytes(size, "little")
 
 
 class Outbox:
@@ -24,13 +22,14 @@ class Outbox:
     Args:
         names: Their names, the most urgent first.
         longest: Bytes of a record, at most.
+        parities: How many parities so many pieces have.
 
     Attributes:
         refused: Number of things that were too long to be sent.
     """
 
-    def __init__(self, names: tuple[str, ...], longest: int) -> None:
-        self._names, self._longest = names, min(longest - PIECE_HEAD, LONGEST)
+    def __init__(self, names: tuple[str, ...], longest: int, parities: Callable[[int], int]) -> None:
+        self._names, self._longest, self._parities = names, min(longest - PIECE_HEAD, LONGEST), parities
         self.refused = 0
         self._waiting: dict[str, bytes] = {}
         self._pieces: dict[str, list[bytes]] = {}
@@ -73,26 +72,49 @@ class Outbox:
         parts = [data[at : at + size] for at in range(0, len(data), size)]
         number = self._numbers[name] = self._numbers[name] % NUMBERS + 1
         made = [bytes((PIECE, place, number, index, len(parts), len(part))) + part for index, part in enumerate(parts)]
-        if len(parts) > 1:
-            parity = parity_of(parts)
-            made.append(bytes((PARITY, place, number, len(parts[-1]), len(parts), len(parity))) + parity)
+        for row in range(min(self._parities(len(parts)), MOST_PARITIES, MOST_PIECES + 1 - len(parts))):
+            parity = parity_of(parts, row)
+            made.append(bytes((PARITIES[row], place, number, len(parts[-1]), len(parts), len(parity))) + parity)
         return made
 
 
+@dataclass(slots=True)
+class _Begun:
+    """What has come of a thing."""
+
+    number: int
+    count: int  # of its pieces
+    last: int = 0  # bytes of the last of them, as a parity said it
+    pieces: dict[int, bytes] = field(default_factory=dict)  # by place
+    parities: dict[int, bytes] = field(default_factory=dict)  # by row
+    is_whole: bool = False
+
+    def joined(self) -> bytes:
+        """The pieces together; nothing while too many are missing."""
+        if len(self.pieces) + len(self.parities) < self.count:
+            return b""
+        pieces = restored(self.pieces, self.parities, self.count)
+        if self.count - 1 not in self.pieces:
+            pieces[-1] = pieces[-1][: self.last]
+        return b"".join(pieces)
+
+
 class Inbox:
-    """Things that come in pieces; of one that lacks a piece the parity gives it back.
+    """Things that come in pieces; of one that lacks some the parities give them back.
 
     Args:
         names: Their names, as the other end's outbox has them.
 
     Attributes:
         broken: How many of each name were begun and never whole.
+        missed: How many were not even begun.
+        whole: How many were whole.
     """
 
     def __init__(self, names: tuple[str, ...]) -> None:
         self._names, self.broken = names, dict.fromkeys(names, 0)
-        self._begun: dict[int, tuple[int, int, dict[int, bytes] | None]] = {}
-        """Number, count, and pieces of the newest, by place; no pieces where it is whole."""
+        self.missed, self.whole = dict.fromkeys(names, 0), dict.fromkeys(names, 0)
+        self._begun: dict[int, _Begun] = {}  # the newest of each name
 
     def restart(self) -> None:
         """Begin with another sender, whose numbers begin anew."""
@@ -103,36 +125,28 @@ class Inbox:
         if at + PIECE_HEAD > len(data):
             return -1, "", b""
         kind, place, number, index, count, size = data[at : at + PIECE_HEAD]
-        end = at + PIECE_HEAD + size
-        if end > len(data) or place >= len(self._names) or count == 0 or (kind == PIECE and index >= count):
+        end, row = at + PIECE_HEAD + size, PARITIES.find(kind)
+        if end > len(data) or place >= len(self._names) or count == 0:
+            return -1, "", b""
+        if index >= count if kind == PIECE else not 0 <= row <= MOST_PIECES - count:
             return -1, "", b""
         before = self._begun.get(place)
-        if before is not None and 0 < (before[0] - number) % NUMBERS <= NUMBERS // 2:  # of one that is older
+        if before is not None and 0 < (before.number - number) % NUMBERS <= NUMBERS // 2:  # of one that is older
             return end, "", b""
-        if before is None or before[0] != number:
-            self.broken[self._names[place]] += before is not None and before[2] is not None
-            before = self._begun[place] = (number, count, {})
-        if before[2] is None or before[1] != count:
+        if before is None or before.number != number:
+            name = self._names[place]
+            self.broken[name] += before is not None and not before.is_whole
+            self.missed[name] += (number - (before.number if before is not None else 0)) % NUMBERS - 1
+            before = self._begun[place] = _Begun(number, count)
+        if before.is_whole or before.count != count:
             return end, "", b""
-        known = before[2]
-        known[index if kind == PIECE else -1] = data[at + PIECE_HEAD : end]
-        if kind == PARITY:
-            known[-2] = bytes((index,))
-        whole = _joined(known, count)
+        if kind == PIECE:
+            before.pieces[index] = data[at + PIECE_HEAD : end]
+        else:
+            before.parities[row], before.last = data[at + PIECE_HEAD : end], index
+        whole = before.joined()
         if not whole:
             return end, "", b""
-        self._begun[place] = (number, count, None)
+        self.whole[self._names[place]] += 1
+        self._begun[place] = _Begun(number, count, is_whole=True)
         return end, self._names[place], whole
-
-
-def _joined(known: dict[int, bytes], count: int) -> bytes:
-    """The pieces together, one of them from the parity; nothing while more are missing."""
-    missing = [index for index in range(count) if index not in known]
-    if len(missing) > 1 or (missing and -1 not in known):
-        return b""
-    pieces = [known.get(index, b"") for index in range(count)]
-    if missing:
-        parity = known[-1]
-        found = parity_of([parity, *(piece[: len(parity)] for index, piece in enumerate(pieces) if index in known)])
-        pieces[missing[0]] = found[: known[-2][0]] if missing[0] == count - 1 else found
-    return b"".join(pieces)

@@ -31,7 +31,8 @@ from foretouch.messages import (
     decode,
     encode,
 )
-from foretouch.session.network.pieces import PARITY, PIECE, PIECE_HEAD, Inbox, Outbox
+from foretouch.session.network.erasure import MOST_PARITIES
+from foretouch.session.network.pieces import PARITIES, PIECE, PIECE_HEAD, Inbox, Outbox
 from foretouch.session.thin.lines.kinds import WANTS, Commands, Kind, Seen
 from foretouch.session.thin.lines.sides import CONTEXT, HEAD, LARGEST, LINES, NUMBER, Hearing, Saying
 from foretouch.session.thin.lines.stream import DUE, NOTHING, SOON, WORTH
@@ -50,6 +51,15 @@ HELLO_NS = 10_000_000_000  # Time between two hellos of the same texts [ns]
 
 NAMES = ("stop", "model", "field", "hello", "image")  # Of what goes in pieces, the most urgent first
 
+
+USUAL = "parity"
+PROTECTIONS: dict[str, Callable[[int], int]] = {
+    "none": lambda pieces: 0,
+    USUAL: lambda pieces: int(pieces > 1),
+    "strong": lambda pieces: min(pieces // 2 + 1, MOST_PARITIES),
+}
+"""What an end sends against loss: how many parities so many pieces have. The other end understands all."""
+
 Said = TypeVar("Said", bound=Message)
 Heard = TypeVar("Heard", bound=Message)
 
@@ -62,6 +72,7 @@ class End(ABC, Generic[Said, Heard]):
         says: How its messages are said.
         hears: How the other end's are.
         spacing: Shortest time between two packets, where the network takes no more of them [s].
+        protection: What it sends against loss, of `PROTECTIONS`.
 
     Attributes:
         deliver: Takes what is heard and is no message for the side's step.
@@ -76,7 +87,7 @@ class End(ABC, Generic[Said, Heard]):
     other: ClassVar[str]  # role of the other side
     takes: ClassVar[dict[str, type[Message]]] = {"stop": Stop, "hello": Hello}  # what comes in pieces, by name
 
-    def __init__(self, budget: float, says: Kind[Said], hears: Kind[Heard], spacing: float) -> None:
+    def __init__(self, budget: float, says: Kind[Said], hears: Kind[Heard], spacing: float, protection: str) -> None:
         self.deliver: Callable[[Message], None] = _nobody
         self.sent = self.packets = 0
         self.arrived = SequenceCounter()
@@ -84,7 +95,7 @@ class End(ABC, Generic[Said, Heard]):
         self._rate = budget * 1e-9
         self._longest = max(round(budget * max(HELD_UP, spacing)), 36)
         self._spacing_ns, self._packet_ns = round(spacing * 1e9), -NEVER_NS
-        self._outbox, self._inbox = Outbox(NAMES, self._longest), Inbox(NAMES)
+        self._outbox, self._inbox = Outbox(NAMES, self._longest, PROTECTIONS[protection]), Inbox(NAMES)
         self._allowance = self._for_lines = 0.0
         self._most_lines, self._now_ns = SHARE * self._longest, NEVER_NS
         self._emergency: EmergencyStop | None = None
@@ -154,8 +165,14 @@ class End(ABC, Generic[Said, Heard]):
 
     @property
     def models_broken(self) -> int:
-        """Models of which more than one piece was lost."""
+        """Models of which some came, but too little."""
         return self._inbox.broken["model"]
+
+    @property
+    def models_came(self) -> tuple[int, int]:
+        """Number of models that came whole, and of those before the newest that did not."""
+        box = self._inbox
+        return box.whole["model"], box.broken["model"] + box.missed["model"]
 
     @property
     def _flags(self) -> int:
@@ -211,7 +228,7 @@ class End(ABC, Generic[Said, Heard]):
                 if self._hearing.context(data[at + 2 : end]):
                     self._inbox.restart()
                 at = end
-            elif kind in (PIECE, PARITY):
+            elif kind == PIECE or kind in PARITIES:
                 at, name, whole = self._inbox.take(data, at)
                 if whole:
                     self._take_whole(name, whole, due)
@@ -249,8 +266,8 @@ class LeaderEnd(End[Command, Telemetry]):
     tick, packet, from_other, other = Command, LeaderPacket, "back", "follower"
     takes: ClassVar[dict[str, type[Message]]] = End.takes | {"field": FieldUpdate, "image": CameraImage}
 
-    def __init__(self, budget: float, spacing: float = 0.0) -> None:
-        super().__init__(budget, Commands(), Seen(), spacing)
+    def __init__(self, budget: float, spacing: float = 0.0, protection: str = USUAL) -> None:
+        super().__init__(budget, Commands(), Seen(), spacing, protection)
         self._models = ModelsHeard()
 
     @property
@@ -273,8 +290,8 @@ class FollowerEnd(End[Telemetry, Command]):
 
     tick, packet, from_other, other = Telemetry, FollowerPacket, "forth", "leader"
 
-    def __init__(self, budget: float, spacing: float = 0.0) -> None:
-        super().__init__(budget, Seen(), Commands(), spacing)
+    def __init__(self, budget: float, spacing: float = 0.0, protection: str = USUAL) -> None:
+        super().__init__(budget, Seen(), Commands(), spacing, protection)
         self._models = ModelsSaid(plenty=budget / ENOUGH)
         self._of_step |= {ModelUpdate: self._offer_model, FieldUpdate: self._offer_field}
 
@@ -297,5 +314,5 @@ def end_of(side: str, settings: Any) -> LeaderEnd | FollowerEnd | None:
     if not settings.budget:
         return None
     spacing = network_trace(settings.network).spacing if settings.network else 0.0
-    made: LeaderEnd | FollowerEnd = ENDS[side](settings.budget, spacing)
+    made: LeaderEnd | FollowerEnd = ENDS[side](settings.budget, spacing, settings.protection)
     return made
