@@ -375,9 +375,10 @@ def something_else(folder: Path) -> Path:
     ("place", "line"),
     [
         (a_file, "is there and is no folder"),
-        (something_else, "holds something else than such a page"),
+        (something_else, "holds something else than such a page (notes.txt)"),
         (lambda folder: folder / "no" / "x", "there is no folder"),
         (lambda folder: folder / ("x" * 300), "cannot be written: File name too long"),
+        (lambda _: Path("/sys/foretouch-page"), "cannot be written"),
     ],
 )
 def test_what_cannot_be_is_refused_before_anything_is_compiled(
@@ -390,5 +391,5 @@ def test_what_cannot_be_is_refused_before_anything_is_compiled(
 def test_a_missing_tool_is_named_with_what_installs_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     done = CliRunner().invoke(app, ["export", "page", "--out", str(tmp_path / "page")])
-    assert "clang and wasm-ld is missing" in str(done.exception)
+    assert "clang and wasm-ld are missing" in str(done.exception)
     assert "apt-get install clang lld wasi-libc" in str(done.exception)

@@ -47,9 +47,9 @@ def records_in(kind: type[Record]) -> Iterator[type[Record]]:
     yield from seen | {kind: None}
 
 
-def snake(name: str) -> str:
-    """A class's name as C writes it."""
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+def snake(kind: type) -> str:
+    """Name of a class as C writes it: ``ModelUpdate`` is ``model_update``."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", kind.__name__).lower()
 
 
 def _fields(kind: type[Record]) -> dict[str, np.dtype[Any]]:

@@ -18,6 +18,7 @@ from typing import Any
 
 import msgspec
 
+from foretouch.export.structs import snake
 from foretouch.link import CHANNEL_NUMBERS
 from foretouch.messages import CHANNELS, LARGEST_MESSAGE, VERSION, FollowerPacket, LeaderPacket
 
@@ -155,11 +156,6 @@ def _room(field: WireField) -> int:
     longest = max(field.most, *map(len, ("", *field.choices)))
     each = {"flag": 1, "text": 3 + 4 * longest, "bytes": 3 + longest, _NUMBERS: 3 + 9 * longest}
     return each.get(field.kind, 3 + field.most * (3 + 4 * field.longest) if field.kind == _TEXTS else 9)
-
-
-def snake(kind: type) -> str:
-    """Name of a class as C writes it: ``ModelUpdate`` is ``model_update``."""
-    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", kind.__name__).lower()
 
 
 def sources() -> dict[str, str]:
