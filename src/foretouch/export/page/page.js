@@ -234,13 +234,16 @@ function swing() {
 }
 
 const say = (id, text) => { if ($(id).textContent !== text) $(id).textContent = text; };
-let said = 0;
+let told = 0, summed = 0; // when the traffic was said, and what is going on
 function report(now) {
   say("now-number", latest[FELT].toFixed(1));
   say("late-number", latest[ARRIVED].toFixed(1));
   say("true-number", latest[TRUE].toFixed(1));
-  if (now - said < 1000) return;
-  said = now;
+  if (now - summed >= 200) { summed = now; summarise(); } // soon enough to agree with the numbers
+  if (now - told >= 1000) { told = now; sayTraffic(now); }
+}
+
+function sayTraffic(now) {
   const passed = (state.now - rate.now) / 1000;
   if (passed > 0) {
     const kilo = (bytes, before) => ((bytes - before) / passed / 1000).toFixed(0);
@@ -248,14 +251,18 @@ function report(now) {
       `${Math.round((1000 * (state.made - rate.made)) / (now - rate.at))} ticks a second`);
   }
   rate = { at: now, up: state.up, down: state.down, made: state.made, now: state.now };
-  const depth = 1e3 * latest[PROXY] - SURFACE, moved = swing(), held = $("delayed").getAttribute("aria-checked") === "true";
-  const place = !state.engaged ? "The handle is being coupled to the robot." : depth > 0 ? "You press into the material." : "You are in free air.";
-  const known = held ? "The delayed force is rendered." : state.has_model ? "The material is known: its force is computed here." : "Nothing is known of the material yet.";
+  const quiet = !drag && !isOn("auto"), moved = swing(), held = rendersDelayed();
+  const swings = `Nobody moves the aim: the handle swings by ${moved.toFixed(1)} mm.`;
+  say("delayed-says", quiet && (depthNow() > 0.5 || (held && moved > 1)) ? `${swings}${held ? "" : " Now switch."}` : "Hold the handle still in the material, and switch.");
+}
+
+const depthNow = () => 1e3 * latest[PROXY] - SURFACE;
+const rendersDelayed = () => $("delayed").getAttribute("aria-checked") === "true";
+function summarise() {
+  const place = !state.engaged ? "The handle is being coupled to the robot." : depthNow() > 0 ? "You press into the material." : "You are in free air.";
+  const known = rendersDelayed() ? "The delayed force is rendered." : state.has_model ? "The material is known: its force is computed here." : "Nothing is known of the material yet.";
   const trouble = state.status in STATES ? ` The robot: ${STATES[state.status]}.` : "";
   say("summary", `${place} ${known}${trouble}`); // read aloud where it changes: the numbers, which always do, stand above
-  const quiet = !drag && !isOn("auto");
-  const swings = `Nobody moves the aim: the handle swings by ${moved.toFixed(1)} mm.`;
-  say("delayed-says", quiet && (depth > 0.5 || (held && moved > 1)) ? `${swings}${held ? "" : " Now switch."}` : "Hold the handle still in the material, and switch.");
 }
 
 // ---- Sound and gamepad ----
