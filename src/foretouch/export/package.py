@@ -225,7 +225,7 @@ def _declared(entry: Entry, function: Function) -> str:
     several = len(function.results) != 1
     given = [*map(_parameter, function.parameters), *(map(_pointer, function.results) if several else ())]
     kind = "void" if several else function.results[0][1]
-    return f"{comment(entry.text)}\n{_signature(f'{kind} {PREFIX}{function.name}', given)}"
+    return "\n".join([comment(entry.text), *_lines(f"{kind} {PREFIX}{function.name}(", given)])
 
 
 def _parameter(parameter: Parameter) -> str:
@@ -235,10 +235,6 @@ def _parameter(parameter: Parameter) -> str:
 
 def _pointer(result: Parameter) -> str:
     return f"{result[1]} *{result[0]}"
-
-
-def _signature(begin: str, given: list[str]) -> str:
-    return "\n".join(_lines(f"{begin}(", given))
 
 
 def _lines(line: str, given: list[str]) -> Iterator[str]:

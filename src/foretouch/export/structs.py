@@ -19,6 +19,7 @@ TYPES = {"f8": "double", "f4": "float", "i8": "int64_t", "i4": "int32_t", "u1": 
 """C's types by NumPy's."""
 
 _FIELD = re.compile(r"^    (\w+): .*?(?:#(?! type:) *(.*))?$", re.MULTILINE)
+_MODULES = re.compile(r"^(?:[a-z_]+\.)+")  # before the name of a class or a function in them
 _SECTION = re.compile(r"(Args|Returns|Raises):\n")
 _ARGUMENT = re.compile(r"^ {4}(\w+): (.*(?:\n {8}.*)*)", re.MULTILINE)
 
@@ -70,7 +71,7 @@ def arguments(described: type) -> dict[str, str]:
 
 def comment(text: str, indent: str = "") -> str:
     """A comment of C, as wide as the header; what a docstring lists stays a list."""
-    plain = re.sub(r"``?([^`]*)``?", lambda name: _called(name[1].rpartition(".")[2]), text).replace("*/", "* /")
+    plain = re.sub(r"``?([^`]*)``?", lambda name: _called(_MODULES.sub("", name[1])), text).replace("*/", "* /")
     lines: list[str] = []
     for paragraph in plain.split("\n\n"):
         listed = _SECTION.match(paragraph)
