@@ -87,8 +87,7 @@ def lowered(*targets: Target, settings: SessionSettings | None = None) -> list[L
     # What structs begin with is computed by the same functions with nothing compiled, which gives the same bits.
     chosen = SessionSettings() if settings is None else settings
     begins = _done_apart("beginnings", chosen, {"NUMBA_DISABLE_JIT": "1"})
-    made: list[Lowered] = _done_apart("emitting", ([target.name for target in targets], begins), SETTINGS)
-    return made
+    return list(_done_apart("emitting", ([target.name for target in targets], begins), SETTINGS))
 
 
 def require_exportable(settings: SessionSettings) -> None:

@@ -100,12 +100,13 @@ def in_c(name: str) -> str:
     return f"{name}_" if TAKEN.fullmatch(name) else name
 
 
-CALLED = {"Memory": "safety", "Status": "follower_status"}
+CALLED = {"Memory": "safety", "Status": "follower_status", "Leader": "leader", "Following": "follower"}
 """What classes are called in C that descriptions name."""
 
 
 def _called(name: str) -> str:
-    return PREFIX + CALLED[name] if name in CALLED else name
+    owner, dot, rest = name.partition(".")
+    return (PREFIX + CALLED[owner] if owner in CALLED else owner) + dot + rest
 
 
 def sentence(kind: type) -> str:
