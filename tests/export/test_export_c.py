@@ -182,11 +182,15 @@ def a_program_beside_a_package(folder: Path) -> list[str]:
         (lambda folder: ["--out", str(folder / ("x" * 300))], "cannot be written: File name too long"),
         (lambda _: ["--out", "."], "is the folder that you are in"),
         (lambda _: ["--out", "/sys/foretouch-c"], "cannot be written"),
+        (lambda _: ["--out", "/proc/foretouch-c"], "cannot be written"),
         (lambda folder: ["--out", str(folder / "x"), "--scene", "plane"], "sessions along a line alone are exported"),
         (
             lambda folder: ["--out", str(folder / "x"), "--model", "kelvin-voigt"],
             "the follower of C learns contact-map",
         ),
+        (lambda folder: ["--out", str(folder / "x"), "--estimator", "offline"], "the follower of C learns by bank"),
+        (lambda folder: ["--out", str(folder / "x"), "--calibration", "arm.toml"], "reads no calibration"),
+        (lambda folder: ["--out", str(folder / "x"), "--budget", "4000"], "are each sent whole"),
         (lambda folder: ["--out", str(folder / "x"), "--robot", "franka@192.0.2.1"], "name a simulated one"),
     ],
 )

@@ -96,6 +96,10 @@ def test_it_is_used_by_keyboard_and_finger_and_fits_the_screen(folder: Path, wid
     context = {"viewport": {"width": width, "height": 844 if small else 768}, "has_touch": small, "is_mobile": small}
     with opened(folder, color_scheme="dark" if small else "light", **context) as page:
         assert page.evaluate("document.documentElement.scrollWidth") == width
+        for part in ("#scene", "#handle", "#plot"):  # on the first screen: the hand, and what comes of it
+            box = page.locator(part).bounding_box()
+            assert box["y"] + box["height"] < (700 if small else 600)
+        assert box["height"] >= 150
         page.get_by_label("Handle").focus()
         for _ in range(7):
             page.keyboard.press("PageDown")
@@ -156,7 +160,11 @@ def test_a_dropped_file_is_read_and_one_that_is_no_recording_is_refused_with_the
         page.evaluate(DROP, [(folder / "example.csv").read_text(), "mine.csv"])
         page.evaluate(TRIAL)
         assert "mine.csv: 3000 samples" in page.locator("#file-says").inner_text()
-        for text, said in {"nothing": "names no columns", "time_s,force_N\n1,2\n": "1 rows of numbers"}.items():
+        refused = {
+            "nothing": "no line names columns",
+            "time_s,position_m,force_N\n1,2,3\n": "too few rows of numbers (1)",
+        }
+        for text, said in refused.items():
             page.evaluate(DROP, [text, "other.csv"])
             page.wait_for_function("said => document.getElementById('file-says').textContent.includes(said)", arg=said)
 
@@ -173,11 +181,20 @@ GAMEPAD = """() => {
 def test_the_force_is_heard_and_shakes_a_gamepad_that_moves_the_handle(folder: Path) -> None:
     with opened(folder) as page:
         page.get_by_role("button", name="Sound").click()
-        page.get_by_role("button", name="Rumble").click()
         page.evaluate(GAMEPAD)
+        page.wait_for_timeout(500)
+        assert page.evaluate("[aim, effects.length]") == [0.0, 0]  # nobody has asked for it
+        page.get_by_role("button", name="Gamepad").click()
         page.wait_for_function("latest[FELT] > 0.5", timeout=20_000)
         page.wait_for_function("Math.max(...effects) > 0.05", timeout=5_000)
+        said = page.locator("#also-says").inner_text()
+        assert "Left ear" in said
+        assert "left stick" in said
         assert page.evaluate("audio.context.state") == "running"
+        page.get_by_role("button", name="Pause").click()
+        aim, count = page.evaluate("[aim, effects.length]")
+        page.wait_for_timeout(300)
+        assert page.evaluate("[aim, effects.length]") == [aim, count]  # no rumble stays
         page.get_by_role("button", name="Sound").click()
         page.wait_for_function("audio.context.state === 'suspended'", timeout=5_000)
 
@@ -221,6 +238,43 @@ def test_a_row_of_units_and_times_in_nanoseconds_are_understood(folder: Path, tm
             page.evaluate("result = null")
     assert wrong[0] == pytest.approx(wrong[1], rel=0.02)
     assert wrong[0][0] < 0.2 * wrong[0][1]
+
+
+ROWS = [(0.01 * k, 0.5 * k, -0.25 * k) for k in range(120)]
+"""Time, position and force of a table that is read and not learnt from."""
+
+
+def in_rows(separator: str, point: str = ".", quoted: bool = False) -> str:
+    mark = '"' * quoted
+    return "\n".join(separator.join(mark + repr(one).replace(".", point) + mark for one in row) for row in ROWS)
+
+
+WRITTEN = {
+    "commas, quoted": "time_s,position_mm,force_N\n" + in_rows(",", ",", quoted=True),
+    "semicolons, quoted": '"time_s";"position_mm";"force_N"\n' + in_rows(";", ",", quoted=True),
+    "tabs, with commas": "time_s\tposition_mm\tforce_N\n" + in_rows("\t", ","),
+    "a name in quotes with a comma": 'time_s,"position_mm","force, by the cell_N"\n' + in_rows(","),
+    "remarks": "% made by a program\n// a, b, c\n  # one more\ntime_s,position_mm,force_N\n" + in_rows(","),
+    "names in a remark": "# time_s,position_mm,force_N\n" + in_rows(","),
+    "lines on the sample": "Sample: A12\nSpeed;10;mm/s\n\nTime;Position;Force\n(s);(mm);(N)\n" + in_rows(";", ","),
+    "remarks among the rows": "time_s,position_mm,force_N\n// begin\n" + in_rows(",") + "\n# end, 1, 2\n",
+    "a point of thousands": "time_s;position_mm;force_N\n" + in_rows(";", ",") + "\n9,9;1.234;0,5",
+    "no force in the first row": "time_s,position_mm,force_N\n-0.01,0.0,\n" + in_rows(","),
+    "other letters for micrometres": "time_s,position_\u03bcm,force_N\n" + in_rows(","),
+}
+
+
+@in_browser()
+def test_decimal_commas_quotes_and_lines_above_the_names_are_understood(folder: Path) -> None:
+    with opened(folder) as page:
+        page.click("#tab-recording")
+        for name, text in WRITTEN.items():
+            page.evaluate("text => { load(text, 'table'); }", text)
+            time, position, force = page.evaluate("Object.values(chosen()).map((one) => Array.from(one))")
+            scale = 1e-6 if "micrometres" in name else 1e-3
+            assert time == pytest.approx([row[0] for row in ROWS]), name
+            assert position == pytest.approx([scale * row[1] for row in ROWS]), name
+            assert force == pytest.approx([row[2] for row in ROWS]), name
 
 
 @in_browser()
@@ -321,9 +375,10 @@ def something_else(folder: Path) -> Path:
     ("place", "line"),
     [
         (a_file, "is there and is no folder"),
-        (something_else, "holds something else than such a page"),
+        (something_else, "holds something else than such a page (notes.txt)"),
         (lambda folder: folder / "no" / "x", "there is no folder"),
         (lambda folder: folder / ("x" * 300), "cannot be written: File name too long"),
+        (lambda _: Path("/sys/foretouch-page"), "cannot be written"),
     ],
 )
 def test_what_cannot_be_is_refused_before_anything_is_compiled(
@@ -336,5 +391,5 @@ def test_what_cannot_be_is_refused_before_anything_is_compiled(
 def test_a_missing_tool_is_named_with_what_installs_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     done = CliRunner().invoke(app, ["export", "page", "--out", str(tmp_path / "page")])
-    assert "clang and wasm-ld is missing" in str(done.exception)
+    assert "clang and wasm-ld are missing" in str(done.exception)
     assert "apt-get install clang lld wasi-libc" in str(done.exception)

@@ -35,7 +35,8 @@ from wire_c import (
     write_sources,
 )
 
-from foretouch.export.wire import WireField, fields_of, kinds, room_of, snake
+from foretouch.export.structs import snake
+from foretouch.export.wire import WireField, fields_of, kinds, room_of
 from foretouch.messages import LARGEST_MESSAGE, VERSION, Command, Hello, Message, ModelUpdate, decode, encode
 
 KINDS = kinds()

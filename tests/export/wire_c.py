@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import msgspec
 
 from foretouch.errors import DecodeError, PeerVersionError
-from foretouch.export.wire import WireField, fields_of, kinds, snake, sources
+from foretouch.export.structs import snake
+from foretouch.export.wire import WireField, fields_of, kinds, sources
 from foretouch.messages import LARGEST_MESSAGE, Message, as_printed, decode, encode
 
 HERE = Path(__file__).parent

@@ -19,7 +19,7 @@ import numpy as np
 from foretouch.errors import ForetouchError, SettingError
 from foretouch.export.beginnings import PRESSED
 from foretouch.export.lowering import Lowered, lowered
-from foretouch.export.package import write_package
+from foretouch.export.package import beside, refused, require_folder, write_package
 from foretouch.export.targets import TARGETS, Target
 from foretouch.messages import STATUS_SENTENCES, Status
 from foretouch.robot import make_material
@@ -40,7 +40,7 @@ LINKER = ("wasm-ld", "--no-entry", "--gc-sections", "--strip-all", "--compress-r
 
 
 def write_page(out: Path, lower: Callable[[Target], list[Lowered]] = lowered) -> list[str]:
-    """Write the page, and beside it the recording that is its example.
+    """Write the page, and beside it the recording that is its example; each is there whole, or as it was.
 
     Args:
         out: A folder that is not there yet, is empty, or holds such a page, which is replaced.
@@ -57,26 +57,23 @@ def write_page(out: Path, lower: Callable[[Target], list[Lowered]] = lowered) ->
     require_tools()
     example = example_recording()
     page = page_text(web_assembly(lower), example)
-    try:
-        out.mkdir(exist_ok=True)
+    with refused(out), beside(out) as folder:
         for name, text in zip(FILES, (example, page), strict=True):
-            Path(out, name).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise SettingError("out", str(out), f"cannot be written: {error.strerror or error}") from None
+            Path(folder, name).write_text(text, encoding="utf-8")
+        out.mkdir(exist_ok=True)
+        for name in FILES:
+            Path(folder, name).replace(out / name)
     return list(FILES)
 
 
 def require_page_place(out: Path) -> None:
     """Refuse a folder that a page cannot be written to, before anything is compiled."""
-    try:
-        if out.is_symlink() or (out.exists() and not out.is_dir()):
-            raise SettingError("out", str(out), "is there and is no folder: name another")
-        if not out.resolve().parent.is_dir():
-            raise SettingError("out", str(out), f"there is no folder {out.resolve().parent}: make it first")
-        if out.exists() and not {path.name for path in out.iterdir()} <= set(FILES):
-            raise SettingError("out", str(out), "holds something else than such a page: name another folder")
-    except OSError as error:
-        raise SettingError("out", str(out), f"cannot be written: {error.strerror or error}") from None
+    with refused(out):
+        require_folder(out)
+        others = sorted({path.name for path in out.iterdir()} - set(FILES)) if out.exists() else []
+        if others:
+            what = f"holds something else than such a page ({others[0]}): name another folder"
+            raise SettingError("out", str(out), what)
 
 
 def require_tools() -> None:
@@ -84,8 +81,8 @@ def require_tools() -> None:
     missing = [program for program in ("clang", "wasm-ld") if shutil.which(program) is None]
     missing += [] if (LIBRARY / "libc.a").is_file() else ["the C library for WebAssembly"]
     if missing:
-        named = " and ".join(missing)
-        raise ForetouchError(f"page: {named} is missing: on Debian, sudo apt-get install clang lld wasi-libc")
+        named, are = " and ".join(missing), "is" if len(missing) == 1 else "are"
+        raise ForetouchError(f"page: {named} {are} missing: on Debian, sudo apt-get install clang lld wasi-libc")
 
 
 def web_assembly(lower: Callable[[Target], list[Lowered]] = lowered) -> bytes:

@@ -95,4 +95,4 @@ def entries_of(target: Target) -> tuple[Entry, ...]:
 def structs() -> tuple[Struct, ...]:
     """The records of all entries, each after those that it is made of, which are called as their classes are."""
     every = dict.fromkeys(kind for one in NAMED for kind in records_in(one))
-    return tuple(NAMED.get(kind, Struct(kind, snake(kind.__name__))) for kind in every)
+    return tuple(NAMED.get(kind, Struct(kind, snake(kind))) for kind in every)

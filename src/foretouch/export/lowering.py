@@ -21,6 +21,7 @@ from typing import Any
 
 from foretouch.errors import ForetouchError, SettingError
 from foretouch.export.targets import Target
+from foretouch.identification import ContactMap
 from foretouch.models import ContactMapModel
 from foretouch.session.settings import SessionSettings
 from foretouch.settings import is_simulated
@@ -86,8 +87,7 @@ def lowered(*targets: Target, settings: SessionSettings | None = None) -> list[L
     # What structs begin with is computed by the same functions with nothing compiled, which gives the same bits.
     chosen = SessionSettings() if settings is None else settings
     begins = _done_apart("beginnings", chosen, {"NUMBA_DISABLE_JIT": "1"})
-    made: list[Lowered] = _done_apart("emitting", ([target.name for target in targets], begins), SETTINGS)
-    return made
+    return list(_done_apart("emitting", ([target.name for target in targets], begins), SETTINGS))
 
 
 def require_exportable(settings: SessionSettings) -> None:
@@ -96,6 +96,9 @@ def require_exportable(settings: SessionSettings) -> None:
         ("scene", "", "sessions along a line alone are exported: leave it out"),
         ("baseline", "none", "the code renders from the model: leave it out"),
         ("model", ContactMapModel.law, f"the follower of C learns {ContactMapModel.law}: leave it out"),
+        ("estimator", ContactMap.name, f"the follower of C learns by {ContactMap.name}: leave it out"),
+        ("calibration", "", "the follower of C reads no calibration: give it the force as it is calibrated"),
+        ("budget", 0.0, "the messages of C are each sent whole: leave it out"),
     ):
         if (value := getattr(settings, name)) != there:
             raise SettingError(name, value, rule)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.metadata
 import shutil
 import tempfile
@@ -80,34 +81,48 @@ def write_package(out: Path, target: Target, lower: Callable[[Target], list[Lowe
     """
     require_place(out)
     (made,), version = lower(target), importlib.metadata.version("foretouch")
-    try:
-        with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.resolve().parent) as beside:
-            new = Path(beside, "new")
-            _fill(new, target, version, made)
-            new.chmod(0o755)
-            if out.exists():
-                out.rename(Path(beside, "old"))
-            new.rename(out)
-    except OSError as error:
-        raise SettingError("out", str(out), f"cannot be written: {error.strerror or error}") from None
+    with refused(out), beside(out) as folder:
+        new = Path(folder, "new")
+        _fill(new, target, version, made)
+        new.chmod(0o755)
+        if out.exists():
+            out.rename(Path(folder, "old"))
+        new.rename(out)
     return sorted(str(path.relative_to(out)) for path in out.rglob("*") if path.is_file())
 
 
 def require_place(out: Path) -> None:
     """Refuse a folder that a package cannot be written to, before anything is compiled."""
-    try:
-        if out.is_symlink() or (out.exists() and not out.is_dir()):
-            raise SettingError("out", str(out), "is there and is no folder: name another")
+    with refused(out):
+        require_folder(out)
         if out.exists() and out.samefile(Path.cwd()):
             raise SettingError("out", str(out), "is the folder that you are in: name another")
         if out.exists() and any(out.iterdir()):
             _require_package(out)
-        with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.resolve().parent):
-            pass
-    except FileNotFoundError:
-        raise SettingError("out", str(out), f"there is no folder {out.resolve().parent}: make it first") from None
+
+
+def require_folder(out: Path) -> None:
+    """Refuse what is no folder, and cannot become one."""
+    if out.is_symlink() or (out.exists() and not out.is_dir()):
+        raise SettingError("out", str(out), "is there and is no folder: name another")
+    if not out.resolve().parent.is_dir():
+        raise SettingError("out", str(out), f"there is no folder {out.resolve().parent}: make it first")
+    with beside(out):
+        pass
+
+
+@contextlib.contextmanager
+def refused(out: Path) -> Iterator[None]:
+    """Say of what the system refuses that the folder cannot be written."""
+    try:
+        yield
     except OSError as error:
         raise SettingError("out", str(out), f"cannot be written: {error.strerror or error}") from None
+
+
+def beside(out: Path) -> tempfile.TemporaryDirectory[str]:
+    """A folder beside another, in which what will be there is made, so that it comes there whole."""
+    return tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.resolve().parent)
 
 
 def _require_package(out: Path) -> None:
@@ -210,7 +225,7 @@ def _declared(entry: Entry, function: Function) -> str:
     several = len(function.results) != 1
     given = [*map(_parameter, function.parameters), *(map(_pointer, function.results) if several else ())]
     kind = "void" if several else function.results[0][1]
-    return f"{comment(entry.text)}\n{_signature(f'{kind} {PREFIX}{function.name}', given)}"
+    return "\n".join([comment(entry.text), *_lines(f"{kind} {PREFIX}{function.name}(", given)])
 
 
 def _parameter(parameter: Parameter) -> str:
@@ -220,10 +235,6 @@ def _parameter(parameter: Parameter) -> str:
 
 def _pointer(result: Parameter) -> str:
     return f"{result[1]} *{result[0]}"
-
-
-def _signature(begin: str, given: list[str]) -> str:
-    return "\n".join(_lines(f"{begin}(", given))
 
 
 def _lines(line: str, given: list[str]) -> Iterator[str]:

@@ -19,6 +19,7 @@ TYPES = {"f8": "double", "f4": "float", "i8": "int64_t", "i4": "int32_t", "u1": 
 """C's types by NumPy's."""
 
 _FIELD = re.compile(r"^    (\w+): .*?(?:#(?! type:) *(.*))?$", re.MULTILINE)
+_MODULES = re.compile(r"^(?:[a-z_]+\.)+")  # before the name of a class or a function in them
 _SECTION = re.compile(r"(Args|Returns|Raises):\n")
 _ARGUMENT = re.compile(r"^ {4}(\w+): (.*(?:\n {8}.*)*)", re.MULTILINE)
 
@@ -47,9 +48,9 @@ def records_in(kind: type[Record]) -> Iterator[type[Record]]:
     yield from seen | {kind: None}
 
 
-def snake(name: str) -> str:
-    """A class's name as C writes it."""
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+def snake(kind: type) -> str:
+    """Name of a class as C writes it: ``ModelUpdate`` is ``model_update``."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", kind.__name__).lower()
 
 
 def _fields(kind: type[Record]) -> dict[str, np.dtype[Any]]:
@@ -70,7 +71,7 @@ def arguments(described: type) -> dict[str, str]:
 
 def comment(text: str, indent: str = "") -> str:
     """A comment of C, as wide as the header; what a docstring lists stays a list."""
-    plain = re.sub(r"``?([^`]*)``?", lambda name: _called(name[1].rpartition(".")[2]), text).replace("*/", "* /")
+    plain = re.sub(r"``?([^`]*)``?", lambda name: _called(_MODULES.sub("", name[1])), text).replace("*/", "* /")
     lines: list[str] = []
     for paragraph in plain.split("\n\n"):
         listed = _SECTION.match(paragraph)
@@ -99,12 +100,13 @@ def in_c(name: str) -> str:
     return f"{name}_" if TAKEN.fullmatch(name) else name
 
 
-CALLED = {"Memory": "safety", "Status": "follower_status"}
+CALLED = {"Memory": "safety", "Status": "follower_status", "Leader": "leader", "Following": "follower"}
 """What classes are called in C that descriptions name."""
 
 
 def _called(name: str) -> str:
-    return PREFIX + CALLED[name] if name in CALLED else name
+    owner, dot, rest = name.partition(".")
+    return (PREFIX + CALLED[owner] if owner in CALLED else owner) + dot + rest
 
 
 def sentence(kind: type) -> str:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import inspect
 import re
 import struct
-import textwrap
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from typing import Any
 
 import msgspec
 
+from foretouch.export.structs import comment, snake
 from foretouch.link import CHANNEL_NUMBERS
 from foretouch.messages import CHANNELS, LARGEST_MESSAGE, VERSION, FollowerPacket, LeaderPacket
 
@@ -157,11 +157,6 @@ def _room(field: WireField) -> int:
     return each.get(field.kind, 3 + field.most * (3 + 4 * field.longest) if field.kind == _TEXTS else 9)
 
 
-def snake(kind: type) -> str:
-    """Name of a class as C writes it: ``ModelUpdate`` is ``model_update``."""
-    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", kind.__name__).lower()
-
-
 def sources() -> dict[str, str]:
     """Every file of the messages in C, by its path in a package."""
     written = Path(__file__).parent / "c"
@@ -181,10 +176,10 @@ def header() -> str:
     parts = [
         _MADE + "#ifndef FORETOUCH_MESSAGES_H\n#define FORETOUCH_MESSAGES_H\n\n#ifdef __cplusplus\n"
         'extern "C" {\n#endif\n',
-        _comment("Version of the schema, with which each message begins.")
-        + f"#define FORETOUCH_WIRE_VERSION {VERSION}\n",
-        _comment("Largest message that is sent or read [bytes].")
-        + f"#define FORETOUCH_LARGEST_MESSAGE {LARGEST_MESSAGE}\n",
+        comment("Version of the schema, with which each message begins.")
+        + f"\n#define FORETOUCH_WIRE_VERSION {VERSION}\n",
+        comment("Largest message that is sent or read [bytes].")
+        + f"\n#define FORETOUCH_LARGEST_MESSAGE {LARGEST_MESSAGE}\n",
         _channels(),
         *map(_struct, _with_records(kinds())),
         *map(_functions, kinds()),
@@ -196,7 +191,7 @@ def header() -> str:
 def _channels() -> str:
     numbers = ",\n".join(f"    FORETOUCH_CHANNEL_{name.upper()} = {number}" for name, number in CHANNEL_NUMBERS.items())
     text = "Number of each channel in a frame of `foretouch gate`."
-    return _comment(text) + f"typedef enum {{\n{numbers}\n}} foretouch_channel;\n"
+    return comment(text) + f"\ntypedef enum {{\n{numbers}\n}} foretouch_channel;\n"
 
 
 def _with_records(every: Iterable[type[msgspec.Struct]]) -> Iterator[type[msgspec.Struct]]:
@@ -206,21 +201,14 @@ def _with_records(every: Iterable[type[msgspec.Struct]]) -> Iterator[type[msgspe
         yield kind
 
 
-def _comment(text: str, indent: str = "") -> str:
-    """A text as a comment of C, in lines of at most 120 characters."""
-    closed = f"/* {text.replace('`', '')}\u00a0*/"  # no line begins with the end of a comment
-    lines = textwrap.wrap(closed, 117 - len(indent), subsequent_indent="   ")
-    return textwrap.indent("\n".join(lines), indent).replace("\u00a0", " ") + "\n"
-
-
 def _struct(kind: type[msgspec.Struct]) -> str:
     members = [_member(field) for field in fields_of(kind) if field.kind != "version"]
-    return _comment(summary_of(kind)) + "typedef struct {\n" + "".join(members) + f"}} foretouch_{snake(kind)};\n"
+    return comment(summary_of(kind)) + "\ntypedef struct {\n" + "".join(members) + f"}} foretouch_{snake(kind)};\n"
 
 
 def _member(field: WireField) -> str:
     left_out = "" if field.required else f" If left out: {in_words(field.missing)}."
-    about = _comment(field.about + left_out, "    ")
+    about = comment(field.about + left_out, "    ") + "\n"
     if field.record is not None:
         return f"{about}    foretouch_{snake(field.record)} {field.name};\n    bool has_{field.name};\n"
     if field.in_place:

@@ -199,10 +199,9 @@ class FrameServer:
         return size > 0
 
     def _leave(self, error: OSError | None = None) -> None:
-        """Close a connection that has ended."""
-        silent = error is not None and error.errno == errno.ETIMEDOUT
-        what = f"has read nothing for {UNANSWERED_MS / 1000:g} s" if silent else "has left"
-        self._say(f"the program at {self._who} {what}")
+        """Close a connection that has ended; of a program that has just left, nothing is to be said."""
+        if error is not None and error.errno == errno.ETIMEDOUT:
+            self._say(f"the program at {self._who} has read nothing for {UNANSWERED_MS / 1000:g} s")
         self._close_program()
 
     def _close_program(self) -> None:

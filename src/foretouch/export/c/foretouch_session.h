@@ -62,8 +62,8 @@ size_t foretouch_follower_telemetry(const foretouch_follower *follower, const fo
     int64_t period_ns, int64_t compute_ns, uint8_t *bytes, size_t room);
 
 /* Write the model, where one is due after a tick, and return its size; 0 where none is. FORETOUCH_MODEL_UPDATE_ROOM
-   bytes are needed. It says no standard errors of its parameters, and of its reasons those of the sensors alone, which
-   both are for people and not for the leader. */
+   bytes are needed. It carries no standard errors of its parameters, and gives as a reason only what is wrong with the
+   sensors: both are for people, not for the leader. */
 size_t foretouch_follower_model(foretouch_follower *follower, int64_t now_ns, uint8_t *bytes, size_t room);
 
 #ifdef __cplusplus

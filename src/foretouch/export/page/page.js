@@ -66,7 +66,7 @@ function showAim() {
 
 function setAim(mm) {
   aim = Math.min(MOST, Math.max(LEAST, mm + offset())) - offset();
-  if ($("auto").getAttribute("aria-pressed") === "true") toggle("auto", false);
+  if (isOn("auto")) toggle("auto", false);
   showAim();
 }
 
@@ -106,7 +106,7 @@ function pressedLine(depth, close) {
     }
     path += `${path ? "L" : "M"}${x},${(AT_SURFACE + sunk * SCALE).toFixed(1)}`;
   }
-  return close ? `${path}L160,296L-160,296Z` : path;
+  return close ? `${path}L160,256L-160,256Z` : path;
 }
 
 function arrow(x, force) {
@@ -127,7 +127,7 @@ function grain(depth, sunk) {
 function drawScene() {
   const at = (name, mm) => $(name).setAttribute("transform", `translate(0,${y(1e3 * mm).toFixed(1)})`);
   const proxy = Number.isFinite(latest[PROXY]) ? latest[PROXY] : 0, late = Number.isFinite(latest[LATE]) ? latest[LATE] : 0;
-  $("grain").setAttribute("d", [7, 14, 21, 28, 35].map((depth) => grain(depth, 1e3 * proxy - SURFACE)).join(""));
+  $("grain").setAttribute("d", [7, 14, 21, 28].map((depth) => grain(depth, 1e3 * proxy - SURFACE)).join(""));
   $("block").setAttribute("d", pressedLine(1e3 * proxy - SURFACE, true));
   $("now-surface").setAttribute("d", pressedLine(1e3 * proxy - SURFACE));
   $("late-surface").setAttribute("d", pressedLine(1e3 * late - SURFACE));
@@ -234,13 +234,16 @@ function swing() {
 }
 
 const say = (id, text) => { if ($(id).textContent !== text) $(id).textContent = text; };
-let said = 0;
+let told = 0, summed = 0; // when the traffic was said, and what is going on
 function report(now) {
   say("now-number", latest[FELT].toFixed(1));
   say("late-number", latest[ARRIVED].toFixed(1));
   say("true-number", latest[TRUE].toFixed(1));
-  if (now - said < 1000) return;
-  said = now;
+  if (now - summed >= 200) { summed = now; summarise(); } // soon enough to agree with the numbers
+  if (now - told >= 1000) { told = now; sayTraffic(now); }
+}
+
+function sayTraffic(now) {
   const passed = (state.now - rate.now) / 1000;
   if (passed > 0) {
     const kilo = (bytes, before) => ((bytes - before) / passed / 1000).toFixed(0);
@@ -248,17 +251,21 @@ function report(now) {
       `${Math.round((1000 * (state.made - rate.made)) / (now - rate.at))} ticks a second`);
   }
   rate = { at: now, up: state.up, down: state.down, made: state.made, now: state.now };
-  const depth = 1e3 * latest[PROXY] - SURFACE, moved = swing(), held = $("delayed").getAttribute("aria-checked") === "true";
-  const place = !state.engaged ? "The handle is being coupled to the robot." : depth > 0 ? "You press into the material." : "You are in free air.";
-  const known = held ? "The delayed force is rendered." : state.has_model ? "The material is known: its force is computed here." : "Nothing is known of the material yet.";
-  const trouble = state.status in STATES ? ` The robot: ${STATES[state.status]}.` : "";
-  say("summary", `${place} ${known}${trouble}`); // read aloud where it changes: the numbers, which always do, stand above
-  const quiet = !drag && $("auto").getAttribute("aria-pressed") !== "true";
+  const quiet = !drag && !isOn("auto"), moved = swing(), held = rendersDelayed();
   const swings = `Nobody moves the aim: the handle swings by ${moved.toFixed(1)} mm.`;
-  say("delayed-says", quiet && (depth > 0.5 || (held && moved > 1)) ? `${swings}${held ? "" : " Now switch."}` : "Hold the handle still in the material, and switch.");
+  say("delayed-says", quiet && (depthNow() > 0.5 || (held && moved > 1)) ? `${swings}${held ? "" : " Now switch."}` : "Hold the handle still in the material, and switch.");
 }
 
-// ---- Sound and rumble ----
+const depthNow = () => 1e3 * latest[PROXY] - SURFACE;
+const rendersDelayed = () => $("delayed").getAttribute("aria-checked") === "true";
+function summarise() {
+  const place = !state.engaged ? "The handle is being coupled to the robot." : depthNow() > 0 ? "You press into the material." : "You are in free air.";
+  const known = rendersDelayed() ? "The delayed force is rendered." : state.has_model ? "The material is known: its force is computed here." : "Nothing is known of the material yet.";
+  const trouble = state.status in STATES ? ` The robot: ${STATES[state.status]}.` : "";
+  say("summary", `${place} ${known}${trouble}`); // read aloud where it changes: the numbers, which always do, stand above
+}
+
+// ---- Sound and gamepad ----
 
 let audio = null;
 function makeAudio() {
@@ -274,19 +281,36 @@ function makeAudio() {
   };
   return { context, now: voice(-1, 196), late: voice(1, 247) };
 }
-const soundOn = () => $("sound").getAttribute("aria-pressed") === "true";
+const isOn = (id) => $(id).getAttribute("aria-pressed") === "true";
+const moves = () => !$("press").hidden && !isOn("pause"); // else a note or a rumble would stay
 
-let rumbled = 0;
-function rumble(now) {
-  const pad = Array.from(navigator.getGamepads?.() ?? []).find((one) => one?.connected);
-  if (!pad) return;
-  const stick = pad.axes[1] ?? 0;
-  if (Math.abs(stick) > 0.15) setAim(aim + stick * 0.4);
-  const actuator = pad.vibrationActuator;
-  if ($("rumble").getAttribute("aria-pressed") !== "true" || !actuator || now - rumbled < 80) return;
+const gamepad = () => Array.from(navigator.getGamepads?.() ?? []).find((one) => one?.connected);
+const STICK = 0.024; // Speed of the handle with the stick all the way down [mm/ms]
+let rumbled = 0, looked = 0;
+function useGamepad(now) {
+  const passed = Math.min(now - looked, 100); // after a pause of the page the handle does not jump
+  looked = now;
+  if (!isOn("gamepad")) return;
+  const pad = gamepad();
+  sayAlso();
+  if (!pad || !moves()) return;
+  const stick = pad.axes[1] ?? 0, actuator = pad.vibrationActuator;
+  if (Math.abs(stick) > 0.15) setAim(aim + stick * STICK * passed);
+  if (!actuator || now - rumbled < 80) return;
   rumbled = now;
   const strength = Math.min(Math.max(latest[FELT], 0) / 8, 1);
   actuator.playEffect("dual-rumble", { duration: 120, strongMagnitude: strength, weakMagnitude: strength / 2 }).catch(() => {});
+}
+
+// What a gamepad does, or why it does nothing: browsers show a page none before one of its buttons is pressed.
+function padSays(pad) {
+  if (!pad) return "No gamepad is seen yet: press a button on it.";
+  return `Its left stick moves the handle; ${pad.vibrationActuator ? "it rumbles as the felt force does" : "it cannot rumble here"}.`;
+}
+
+function sayAlso() {
+  const ears = isOn("sound") ? ["Left ear: the force felt now. Right ear: the force that arrives."] : [];
+  say("also-says", [...ears, ...(isOn("gamepad") ? [padSays(gamepad())] : [])].join(" "));
 }
 
 // ---- A frame ----
@@ -301,15 +325,14 @@ function draw(now) {
     spare = null;
     worker.postMessage({ to: "aim", aim: 1e-3 * aim, ask: true, buffer }, buffer ? [buffer] : []);
   }
-  rumble(now);
-  if (soundOn() && audio) {
-    const moves = !$("press").hidden && $("pause").getAttribute("aria-pressed") !== "true"; // else a note would stay
-    audio.now(moves ? latest[FELT] : 0);
-    audio.late(moves ? latest[ARRIVED] : 0);
+  useGamepad(now);
+  if (isOn("sound") && audio) {
+    audio.now(moves() ? latest[FELT] : 0);
+    audio.late(moves() ? latest[ARRIVED] : 0);
   }
   if ($("press").hidden || (still.matches && now - drawn < 100)) return;
   drawn = now;
-  if ($("auto").getAttribute("aria-pressed") === "true") aim = 1e3 * latest[AIM];
+  if (isOn("auto")) aim = 1e3 * latest[AIM];
   showAim();
   drawScene();
   drawPlot();
@@ -329,16 +352,16 @@ const SWITCHED = {
   sound: (on) => {
     audio ??= makeAudio();
     if (on) audio.context.resume(); else audio.context.suspend();
-    say("also-says", on ? "Left ear: the force felt now. Right ear: the force that arrives." : "");
+    sayAlso();
   },
-  rumble: (on) => say("also-says", on ? "A gamepad rumbles as the force does, and its left stick moves the handle." : ""),
+  gamepad: sayAlso,
 };
 
 // The hand draws back a little and presses again: what calms down, and what goes on swinging?
 const NUDGE = 3; // [mm]
 let nudging = false; // one at a time, so that the hand is back where it was after many clicks
 function nudge() {
-  if (nudging || $("auto").getAttribute("aria-pressed") === "true") return;
+  if (nudging || isOn("auto")) return;
   const before = aim;
   aim -= NUDGE;
   nudging = true;
@@ -370,7 +393,7 @@ function bindControls() {
     material();
     total = 0;
     latest = new Float64Array(COLUMNS);
-    if ($("auto").getAttribute("aria-pressed") !== "true") setAim(0);
+    if (!isOn("auto")) setAim(0);
     tell("material", { material: Number($("material").value) });
   });
   setAim(0);
@@ -384,7 +407,7 @@ function bindTabs() {
       $(`tab-${one}`).tabIndex = one === name ? 0 : -1;
       $(one).hidden = one !== name;
     }
-    tell("pause", { pause: name !== "press" || $("pause").getAttribute("aria-pressed") === "true" });
+    tell("pause", { pause: name !== "press" || isOn("pause") });
     drawTrial();
   };
   tabs.forEach((name, k) => {

@@ -7,20 +7,57 @@ const LARGEST_FILE = 200e6; // [bytes]
 
 let table = null, trialOf = null, result = null, serial = 0;
 
-// A table of text: names, and a column of numbers each. Commas, semicolons or tabs separate; with the latter two a comma
-// may stand for the decimal point.
+// A table of text: names, and a column of numbers each.
 function parseTable(text) {
-  const lines = text.replace(/^\uFEFF/, "").split(/\r?\n/).filter((line) => line.trim() && !/^[#%]/.test(line));
-  const separator = [";", "\t", ","].find((one) => (lines[0] ?? "").includes(one));
-  if (!separator) throw new Error("the first line names no columns that a comma, semicolon or tab separates");
-  const cells = (line) => line.split(separator).map((cell) => cell.trim().replace(/^"|"$/g, ""));
-  const number = (cell) => (cell === "" || cell === undefined ? NaN : Number(separator === "," ? cell : cell.replace(",", ".")));
-  const names = cells(lines[0]);
-  const numeric = (row) => row.some((cell) => Number.isFinite(number(cell)));
-  const below = lines.slice(1).map(cells), rows = below.filter(numeric);
-  if (rows.length < 100) throw new Error(`there are ${rows.length} rows of numbers: some seconds of presses are needed`);
+  const lines = text.replace(/^\uFEFF/, "").split(/\r?\n/).filter((line) => line.trim());
+  const { at, separator, names } = headerOf(lines);
+  const below = lines.slice(at + 1).filter((line) => !REMARK.test(line)).map((line) => cellsOf(line, separator));
+  const commas = below.slice(0, LOOKED_AT).some((row) => row.some((cell) => /^[-+]?\d*,\d+(e[-+]?\d+)?$/i.test(cell)));
+  const number = (cell = "") => (commas && cell.includes(".") ? NaN : numberIn(cell)); // there a point is of thousands
+  const rows = below.filter((row) => row.some((cell) => Number.isFinite(number(cell))));
+  if (rows.length < 100) throw new Error(`it has too few rows of numbers (${rows.length}): some seconds of presses are needed`);
   const units = below[0] !== rows[0] ? below[0] : []; // a row of words below the names
   return { names, units, columns: names.map((_, k) => Float64Array.from(rows, (row) => number(row[k]))) };
+}
+
+const LOOKED_AT = 50; // Lines within which the names stand, and which tell whether numbers have a decimal comma
+const FEWEST = 3; // Columns that are needed: time, position and force
+const REMARK = /^\s*(?:[#%]|\/\/)+\s*/;
+
+// The cells of a line; what separates them may stand in one that is quoted.
+function cellsOf(line, separator) {
+  if (!line.includes('"')) return line.split(separator).map((cell) => cell.trim());
+  const cells = [""];
+  let quoted = false;
+  for (const letter of line) {
+    if (letter === '"') quoted = !quoted;
+    else if (letter === separator && !quoted) cells.push("");
+    else cells[cells.length - 1] += letter;
+  }
+  return cells.map((cell) => cell.trim());
+}
+
+// The number in a cell with a decimal point or comma; a comma that separates cells is in no cell but a quoted one.
+const numberIn = (cell) => (cell === "" ? NaN : Number(cell.replace(",", ".")));
+const numbersIn = (cells) => cells.filter((cell) => Number.isFinite(numberIn(cell))).length;
+const unitIn = (cell = "") => cell.replace(/[()[\]]/g, "").toLowerCase().replace("\u03bc", "µ"); // a Greek mu means the same
+const areUnits = (cells) => cells.some((cell) => Object.values(KINDS).some(([, units]) => unitIn(cell) in units));
+
+// The line that names the columns: other lines may stand above it, and it may itself be a remark, as NumPy writes it.
+function headerOf(lines) {
+  const found = lines.slice(0, LOOKED_AT).map((line, at) => {
+    const plain = line.replace(REMARK, ""), width = (separator) => cellsOf(plain, separator).length;
+    const separator = [",", ";", "\t"].reduce((widest, one) => (width(one) > width(widest) ? one : widest));
+    return { at, separator, names: cellsOf(plain, separator), remark: REMARK.test(line) };
+  }).filter(({ names }) => names.filter(Boolean).length >= FEWEST && 2 * numbersIn(names) < names.length);
+  const overNumbers = ({ at, separator, names }) => {
+    const [next = [], after = []] = lines.slice(at + 1, at + 3).map((line) => cellsOf(line, separator));
+    const first = areUnits(next) && numbersIn(next) === 0 ? after : next;
+    return first.length === names.length && numbersIn(first) >= FEWEST;
+  };
+  const header = found.find(overNumbers) ?? found.find(({ remark }) => !remark); // numbers may be missing in the first row
+  if (!header) throw new Error("no line names columns of time, position and force, separated by commas, semicolons or tabs");
+  return header;
 }
 
 const KINDS = {
@@ -35,9 +72,8 @@ function guess({ names, units: below }) {
     select.replaceChildren(...names.map((name, k) => new Option(name, k)));
     const found = names.findIndex((name) => pattern.test(name));
     select.value = found < 0 ? Math.min(Object.keys(KINDS).indexOf(kind), names.length - 1) : found;
-    const named = /(?:_|\(|\[|\s)([a-zµ]+)[)\]]?\s*$/i.exec(names[select.value])?.[1];
-    const unit = (named ?? below[select.value]?.replace(/[()[\]]/g, ""))?.toLowerCase();
-    $(`${kind}-unit`).value = String(units[unit] ?? 1);
+    const named = /(?:_|\(|\[|\s)([a-zµμ]+)[)\]]?\s*$/i.exec(names[select.value])?.[1];
+    $(`${kind}-unit`).value = String(units[unitIn(named)] ?? units[unitIn(below[select.value])] ?? 1);
   }
 }
 
