@@ -256,7 +256,7 @@ def test_an_end_that_heard_nonsense_hears_who_speaks_then() -> None:
 
 def pieces_of(name: str, data: bytes) -> list[bytes]:
     names = ("stop", "model", "field", "hello")
-    outbox, records = Outbox(names, 200, PROTECTIONS[USUAL]), []
+    outbox, records = Outbox(names, 200, PROTECTIONS[USUAL], 2), []
     outbox.put(name, data)
     while record := outbox.next(200):
         records.append(record)

@@ -12,9 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from foretouch.console.panels.space import draw_over
 from foretouch.link import ZenohLink, free_endpoint
-from foretouch.messages import Status
+from foretouch.messages import VERSION, CameraImage, Handle, Status
 from foretouch.recordings import read_session
+from foretouch.session import SessionSettings
+from foretouch.session.spatial import make_camera, make_scene
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 from running import Running, until
@@ -107,3 +110,36 @@ def test_a_leader_with_a_budget_says_that_its_follower_needs_one() -> None:
         leader.process.send_signal(signal.SIGINT)
         code, _, err = leader.wait(20)
     assert code == 0, err
+
+
+def test_an_image_of_the_robot_s_site_arrives_at_the_leader_s_while_the_hand_rests(tmp_path: Path) -> None:
+    """The recorder is connected to the leader alone; a hand that rests leaves bytes for images."""
+    follower_at, camera_at, leader_at = free_endpoint(), free_endpoint(), free_endpoint()
+    scene, path = ("--scene", "phantom", "--budget", 2000), tmp_path / "at-the-leader.mcap"
+    if make_camera(SessionSettings(scene="phantom"), make_scene("phantom", 0.0), say=print) is None:
+        pytest.skip("nothing here draws")
+    came: list[CameraImage] = []
+    with (
+        Running("follower", "--listen", follower_at, *scene),
+        Running("camera", "--listen", camera_at, "--connect", follower_at, *scene) as camera,
+        Running("leader", "--connect", follower_at, "--listen", leader_at, *scene) as leader,
+        Running("record", path, "--connect", leader_at) as recorder,
+        ZenohLink(connect=[leader_at], subscribe=["image"]) as watcher,
+    ):
+
+        def rest() -> bool:
+            watcher.publish(Handle(VERSION, 1, time.monotonic_ns(), 0.0, True, place=(0.0, 0.0, 0.05)))
+            came.extend(image for _, image in watcher.take("image"))
+            time.sleep(0.1)
+            return len(came) >= 2
+
+        until(rest, 120.0)
+        leader.process.send_signal(signal.SIGINT)
+        for process in (leader, camera, recorder):
+            code, _, err = process.wait(30)
+            assert code == 0, err
+    images = read_session(path).images
+    assert [image.tick for image in images[:2]] == [image.tick for image in came[:2]]
+    for image in images:
+        assert 300 < len(image.jpeg) < 2000
+        assert draw_over(image.jpeg, image.camera, (0.0, 0.0, 0.05), (0.0,) * 6, np.eye(3)) is not None

@@ -27,7 +27,7 @@ rooms = st.integers(PIECE_HEAD + SHORTEST, 255)
 
 
 def outbox_of(room: int, protection: str = USUAL) -> Outbox:
-    return Outbox(NAMES, room, PROTECTIONS[protection])
+    return Outbox(NAMES, room, PROTECTIONS[protection], 2)
 
 
 def all_records(outbox: Outbox, room: int) -> list[bytes]:
@@ -199,3 +199,13 @@ def test_hostile_pieces_raise_nothing_and_fill_nothing(pieces: list[bytes], seed
     kept = [[*begun.pieces.values(), *begun.parities.values()] for begun in inbox._begun.values()]
     assert len(kept) <= len(NAMES)
     assert sum(len(one) for known in kept for one in known) <= len(NAMES) * (MOST_PIECES + MOST_PARITIES) * 255
+
+
+def test_what_is_not_urgent_takes_turns() -> None:
+    """A name that always has something to say lets another speak in between."""
+    outbox, said = Outbox(NAMES, 40, PROTECTIONS["none"], 1), []
+    for _ in range(12):
+        for name in NAMES[1:]:
+            outbox.put(name, bytes(100))
+        said.append(NAMES[outbox.next(40)[1]])
+    assert said == 2 * (["usual"] * 3 + ["seldom"] * 3)

@@ -23,13 +23,15 @@ class Outbox:
         names: Their names, the most urgent first.
         longest: Bytes of a record, at most.
         parities: How many parities so many pieces have.
+        urgent: How many of the names always go first; the others take turns.
 
     Attributes:
         refused: Number of things that were too long to be sent.
     """
 
-    def __init__(self, names: tuple[str, ...], longest: int, parities: Callable[[int], int]) -> None:
-        self._names, self._longest, self._parities = names, min(longest - PIECE_HEAD, LONGEST), parities
+    def __init__(self, names: tuple[str, ...], longest: int, parities: Callable[[int], int], urgent: int) -> None:
+        self._urgent, self._turns, self._places = names[:urgent], [*names], {name: at for at, name in enumerate(names)}
+        self._longest, self._parities = min(longest - PIECE_HEAD, LONGEST), parities
         self.refused = 0
         self._waiting: dict[str, bytes] = {}
         self._pieces: dict[str, list[bytes]] = {}
@@ -55,21 +57,29 @@ class Outbox:
         """A record of at most so many bytes of what is most urgent; none where nothing waits."""
         if self.is_empty:
             return b""
-        for place, name in enumerate(self._names):
+        for name in self._turns:
             if not self._pieces.get(name) and name in self._waiting:
-                self._pieces[name] = self._cut(place, name, self._waiting.pop(name), room - PIECE_HEAD)
+                self._pieces[name] = self._cut(name, self._waiting.pop(name), room - PIECE_HEAD)
             pieces = self._pieces.get(name)
             if pieces:
                 if len(pieces[0]) > room:
                     return b""
                 if len(pieces) == 1:
-                    del self._pieces[name]
+                    self._end(name)
                 return pieces.pop(0)
         return b""
 
-    def _cut(self, place: int, name: str, data: bytes, size: int) -> list[bytes]:
+    def _end(self, name: str) -> None:
+        """All of a thing is sent: unless it is urgent, the others' turn comes before this name's."""
+        del self._pieces[name]
+        if name not in self._urgent:
+            self._turns.remove(name)
+            self._turns.append(name)
+
+    def _cut(self, name: str, data: bytes, size: int) -> list[bytes]:
         size = max(min(size, self._longest), min(SHORTEST, self._longest), -(-len(data) // MOST_PIECES))
         parts = [data[at : at + size] for at in range(0, len(data), size)]
+        place = self._places[name]
         number = self._numbers[name] = self._numbers[name] % NUMBERS + 1
         made = [bytes((PIECE, place, number, index, len(parts), len(part))) + part for index, part in enumerate(parts)]
         for row in range(min(self._parities(len(parts)), MOST_PARITIES, MOST_PIECES + 1 - len(parts))):

@@ -3,7 +3,7 @@
 An end stands between the steps of its side and the network. What it sends in a second is kept within a budget, the most
 urgent first: an emergency stop at once; then the lines of commands or telemetry, in each
 `foretouch.session.thin.lines.stream.LONGEST_GAP` ticks at least, which is also the sign of life; models; and what is
-only looked at, images last.
+only looked at, such as images.
 """
 
 from __future__ import annotations
@@ -49,7 +49,8 @@ SHARE = 0.7  # Part of the budget that lines may take beyond what is due while m
 NEVER_NS = 2**62  # Time since what never was [ns]
 HELLO_NS = 10_000_000_000  # Time between two hellos of the same texts [ns]
 
-NAMES = ("stop", "model", "field", "hello", "image")  # Of what goes in pieces, the most urgent first
+NAMES, URGENT = ("stop", "model", "field", "hello", "image"), 2
+"""Of what goes in pieces, the most urgent first; and how many of them are: what is only looked at takes turns."""
 
 
 USUAL = "parity"
@@ -95,7 +96,8 @@ class End(ABC, Generic[Said, Heard]):
         self._rate = budget * 1e-9
         self._longest = max(round(budget * max(HELD_UP, spacing)), 36)
         self._spacing_ns, self._packet_ns = round(spacing * 1e9), -NEVER_NS
-        self._outbox, self._inbox = Outbox(NAMES, self._longest, PROTECTIONS[protection]), Inbox(NAMES)
+        self._outbox = Outbox(NAMES, self._longest, PROTECTIONS[protection], URGENT)
+        self._inbox = Inbox(NAMES)
         self._allowance = self._for_lines = 0.0
         self._most_lines, self._now_ns = SHARE * self._longest, NEVER_NS
         self._emergency: EmergencyStop | None = None
