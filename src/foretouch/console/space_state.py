@@ -111,9 +111,7 @@ class SpaceState:
                 self._run = message.run
                 self._ticks[message.sequence % LENGTH] = message
             case CameraImage():
-                newest = self._images[-1] if self._images else None
-                if newest is None or newest.run != message.run or newest.tick < message.tick:
-                    self._images.append(message)  # what came over a thin link, too, may be here already
+                self._images.append(message)
             case FieldUpdate():
                 self._fields.append(message)
             case FixtureBelief():

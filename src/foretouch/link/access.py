@@ -199,7 +199,7 @@ def may_publish(role: str) -> tuple[str, ...]:
         role: ``"leader"``, ``"follower"`` or ``"watcher"``.
     """
     own = tuple(name for name, channel in CHANNELS.items() if channel.sender in _SENDERS[role])
-    return (*own, "settings", "image") if role == "leader" else own  # what came to it over a thin link
+    return (*own, "settings") if role == "leader" else own
 
 
 def key_to_send(name: str, common_name: str = "") -> str:

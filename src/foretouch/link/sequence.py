@@ -4,7 +4,33 @@ from __future__ import annotations
 
 from array import array
 
+from foretouch.messages import CameraImage, FieldUpdate, Message, ModelUpdate, Telemetry
+
 REMEMBERED = 2**15  # Number of the newest sequence numbers that are remembered one by one: at 1 kHz, half a minute
+
+
+class Repeats:
+    """Knows what of the robot's side was told before: over a thin link the leader tells again what it heard.
+
+    It is for who watches, who may hear both sides: what is newest counts, whoever told it.
+    """
+
+    def __init__(self) -> None:
+        self._newest: dict[type[Message], tuple[int, int]] = {}
+
+    def knows(self, message: Message) -> bool:
+        """Whether this, or a newer message of its kind, was told before; from now on it was."""
+        match message:
+            case Telemetry() | ModelUpdate() | FieldUpdate():
+                number = message.run, message.sequence
+            case CameraImage():
+                number = message.run, message.tick
+            case _:
+                return False
+        known = self._newest.get(type(message), (-1, 0)) >= number
+        if not known:
+            self._newest[type(message)] = number
+        return known
 
 
 class SequenceCounter:

@@ -14,6 +14,7 @@ import pytest
 
 from foretouch.console.panels.space import draw_over
 from foretouch.link import ZenohLink, free_endpoint
+from foretouch.link.zenoh_link import STOPPING_CHANNELS, ask_to_stop
 from foretouch.messages import VERSION, CameraImage, Handle, Status
 from foretouch.recordings import read_session
 from foretouch.session import SessionSettings
@@ -138,8 +139,24 @@ def test_an_image_of_the_robot_s_site_arrives_at_the_leader_s_while_the_hand_res
         for process in (leader, camera, recorder):
             code, _, err = process.wait(30)
             assert code == 0, err
-    images = read_session(path).images
+    log = read_session(path)
+    assert log.follower.size > 1000  # the leader tells its site what it hears
+    assert np.all(np.diff(log.follower["sequence"]) > 0)
+    images = log.images
     assert [image.tick for image in images[:2]] == [image.tick for image in came[:2]]
     for image in images:
         assert 300 < len(image.jpeg) < 2000
         assert draw_over(image.jpeg, image.camera, (0.0, 0.0, 0.05), (0.0,) * 6, np.eye(3)) is not None
+
+
+def test_an_emergency_stop_at_the_leader_s_site_stops_the_robot(watched: tuple[str, Running, ZenohLink]) -> None:
+    """Who is connected to the leader alone sees the robot there, and stops it."""
+    follower_at, _, beside = watched
+    leader_at = free_endpoint()
+    with (
+        Running("leader", "--connect", follower_at, "--listen", leader_at, *BUDGET, "--operator", "scripted"),
+        ZenohLink(connect=[leader_at], subscribe=STOPPING_CHANNELS) as watcher,
+    ):
+        until(lambda: Status.FOLLOWING in statuses(watcher), 60.0)
+        assert ask_to_stop(watcher, "tried") == Status.STOPPED
+        assert Status.STOPPED in statuses(beside)

@@ -101,10 +101,10 @@ def leader(
         StopFlag,
         be_prompt,
         close_operator,
-        end_of,
         felt_texts,
         hear_packets,
         join_thin,
+        leader_end,
         prepare,
         run_leader,
         setup_of,
@@ -118,7 +118,7 @@ def leader(
     stop = StopFlag().on_signals()
     prepare(settings, stop, say, parent)  # while the follower does the same
     with open_link("leader", endpoints, side_channels("leader", settings)) as link:
-        end = end_of("leader", settings)
+        end = leader_end(settings)
         join_thin(link, end)
         if parent is None:
             say("leader: waiting for a follower" + (" that has a --budget, too" if end is not None else ""))

@@ -8,18 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from foretouch.errors import PeerVersionError, RecordingError, plural, was_or_were
-from foretouch.link import SequenceCounter, ZenohLink
-from foretouch.messages import (
-    COUNT_PREFIX,
-    CameraImage,
-    FieldUpdate,
-    Hello,
-    Hellos,
-    LeaderState,
-    Message,
-    ModelUpdate,
-    Telemetry,
-)
+from foretouch.link import Repeats, SequenceCounter, ZenohLink
+from foretouch.messages import COUNT_PREFIX, FieldUpdate, Hello, Hellos, LeaderState, Message, ModelUpdate, Telemetry
 from foretouch.recordings import SessionWriter
 from foretouch.session.network.lease import ContestPrinter
 from foretouch.session.runners.housekeeping import ORPHANED, Greeter, StopFlag, orphaned
@@ -72,11 +62,13 @@ class Recorder:
         self._hellos = Hellos()
         self.roles: set[str] = set()
         self._sequences: dict[tuple[str, int], SequenceCounter] = {}
-        self._image = (0, -1)  # run and tick of the newest image
+        self._repeats = Repeats()
 
     def take(self, name: str, arrivals: list[tuple[int, Message]]) -> None:
         """Record the messages of one channel with the times [ns] at which they arrived."""
         for arrival, message in arrivals:
+            if self._repeats.knows(message):
+                continue
             if isinstance(message, Telemetry | ModelUpdate | FieldUpdate):
                 self._count(name, message.run, message.sequence)
             elif isinstance(message, LeaderState):
@@ -84,10 +76,6 @@ class Recorder:
             elif isinstance(message, Hello):
                 self.roles.add(message.role)
                 self._hellos.take(message)
-            elif isinstance(message, CameraImage):
-                before, self._image = self._image, max(self._image, (message.run, message.tick))
-                if before == self._image:  # it came over a thin link, too
-                    continue
             if self._writing:
                 self._try(self._writer.write, message, arrival)
 

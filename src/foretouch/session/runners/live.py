@@ -18,7 +18,7 @@ from foretouch.messages import COUNT_PREFIX, PROCESS, SIDES, SINCE, VERSION, Eme
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.network.lease import Contest, own_epoch
 from foretouch.session.operators import close_operator
-from foretouch.session.runners.channels import hear_packets, join_thin, take_images
+from foretouch.session.runners.channels import hear_packets, join_thin, pass_stops_on, take_images
 from foretouch.session.runners.driven import (
     Driven,
     DrivenFollower,
@@ -355,6 +355,7 @@ def run_leader(
         # A message that it has stopped may have been under way since an earlier stop.
         if press and view.stopped and view.telemetry.received >= answered:
             stop.emergency, press = "", 0
+        pass_stops_on(link, driven.end)
         loop.choose(now)
         if link.inboxes["stop"]:
             stop.set(link.take("stop")[-1][1].reason or "the session was ended")
