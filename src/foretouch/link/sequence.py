@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 
-from foretouch.messages import CameraImage, FieldUpdate, Message, ModelUpdate, Telemetry
+from foretouch.messages import PROCESS, CameraImage, FieldUpdate, Hello, Message, ModelUpdate, Telemetry
 
 REMEMBERED = 2**15  # Number of the newest sequence numbers that are remembered one by one: at 1 kHz, half a minute
 
@@ -16,21 +16,24 @@ class Repeats:
     """
 
     def __init__(self) -> None:
-        self._newest: dict[type[Message], tuple[int, int]] = {}
+        self._newest: dict[type[Message], tuple[str, int]] = {}  # of which process, and its number
 
     def knows(self, message: Message) -> bool:
         """Whether this, or a newer message of its kind, was told before; from now on it was."""
         match message:
             case Telemetry() | ModelUpdate() | FieldUpdate():
-                number = message.run, message.sequence
+                number = f"{message.run:020d}", message.sequence
             case CameraImage():
-                number = message.run, message.tick
+                number = f"{message.run:020d}", message.tick
+            case Hello(role="follower"):
+                number = message.texts.get(PROCESS, ""), message.sequence
             case _:
                 return False
-        known = self._newest.get(type(message), (-1, 0)) >= number
-        if not known:
-            self._newest[type(message)] = number
-        return known
+        before = self._newest.get(type(message))
+        if before is not None and before >= number:
+            return True
+        self._newest[type(message)] = number
+        return False
 
 
 class SequenceCounter:

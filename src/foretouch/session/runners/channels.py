@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable
 
 from foretouch.link import ZenohLink, network_trace
-from foretouch.messages import CameraImage, Message
+from foretouch.messages import CameraImage, Hello, Message
 from foretouch.session.runners.driven import SpaceFollower, SpaceLeader
 from foretouch.session.settings import SessionSettings
 from foretouch.session.thin import FollowerEnd, LeaderEnd
@@ -43,8 +43,10 @@ def join_thin(link: ZenohLink, end: LeaderEnd | FollowerEnd | None) -> None:
     def deliver(message: Message) -> None:
         if isinstance(message, CameraImage):
             link.publish(message)
-        else:
-            link.deliver(message)
+            return
+        link.deliver(message)
+        if isinstance(message, Hello) and isinstance(end, WatchedEnd):
+            link.repeat(message)
 
     link.aside, end.deliver = end.offer, deliver
     if isinstance(end, WatchedEnd):
