@@ -85,8 +85,8 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
         ),
     },
     "docs/thin-links.md": {
-        **dict.fromkeys(("budgets", "delayed"), ("measure_budget:budgets", *THIN)),
-        **{name: (f"measure_budget:{name}", *THIN) for name in ("losses", "traces")},
+        **{name: (f"measure_budget:{name}", *THIN) for name in ("budgets", "losses", "traces")},
+        "delayed": ("measure_budget:felt_late", *THIN),
         "cost": ("measure_budget:cost", "foretouch.session.thin.ends:End"),
     },
     "docs/faults.md": {"faults": ("measure_faults:main", "test_session_soak_fire", *LIVE)},
