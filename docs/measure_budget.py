@@ -8,9 +8,12 @@ takes some minutes, the first three.
 from __future__ import annotations
 
 import gc
+import json
 import math
 import os
+import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -379,12 +382,41 @@ def _middle_and_late(taken: Any) -> tuple[float, float]:
     return float(np.median(ticks)), float(np.percentile(ticks, 99.0))
 
 
+AT = "tcp/127.0.0.1:7447 --budget 2000 --json"
+ALONE = f"""ip link set lo up
+$PYTHON -m foretouch follower --duration 30 --listen {AT} > follower.json &
+$PYTHON -m foretouch leader --operator scripted --duration 20 --connect {AT} > leader.json
+wait
+cat /proc/net/dev > counted
+"""
+"""Both sides in a network of their own, of which every byte is counted."""
+
+
+def overhead() -> dict[str, str]:
+    """Bytes that TCP/IP and Zenoh put around a packet, acknowledgements and all, on a machine's own network."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        command, environment = ["unshare", "--net", "sh", "-c", ALONE], os.environ | {"PYTHON": sys.executable}
+        subprocess.run(command, cwd=folder, env=environment, check=True, stderr=subprocess.DEVNULL)
+        counts: dict[str, int] = {}
+        for side in ("leader", "follower"):
+            counts |= json.loads((folder / f"{side}.json").read_text())
+        counted = next(line for line in (folder / "counted").read_text().splitlines() if "lo:" in line)
+    crossed = int(counted.split(":")[1].split()[0])
+    said, packets = (
+        sum(counts[f"{side}_thin_{what}"] for side in ("leader", "follower")) for what in ("bytes", "packets")
+    )
+    row = [figure(packets), figure(said / packets), figure((crossed - said) / packets)]
+    return {"overhead": table(("Packets, both ways", "Bytes of one", "Bytes around it"), [row])}
+
+
 SECTIONS: dict[str, Callable[[], dict[str, str]]] = {
     "budgets": budgets,
     "delayed": felt_late,
     "losses": losses,
     "traces": traces,
     "cost": cost,
+    "overhead": overhead,
 }
 
 

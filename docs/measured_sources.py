@@ -87,6 +87,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "docs/thin-links.md": {
         **{name: (f"measure_budget:{name}", *THIN) for name in ("budgets", "losses", "traces")},
         "delayed": ("measure_budget:felt_late", *THIN),
+        "overhead": ("measure_budget:overhead", *LIVE),
         "cost": ("measure_budget:cost", "foretouch.session.thin.ends:End"),
     },
     "docs/faults.md": {"faults": ("measure_faults:main", "test_session_soak_fire", *LIVE)},
