@@ -25,7 +25,7 @@ from foretouch.console.views.line import LineView, look
 from foretouch.console.views.space import SpaceView
 from foretouch.console.watched import NOWHERE, Watched
 from foretouch.errors import MissingExtraError, one_line
-from foretouch.link import Repeats, new_press
+from foretouch.link import new_press
 from foretouch.link.access import free_port
 from foretouch.messages import Choice, EmergencyStop, Message, Settings, Status, Stop, Telemetry
 from foretouch.quantities.pose import Vector
@@ -110,7 +110,6 @@ class Console:
         self._camera: tuple[Vector, Vector] = self._line.camera
         self._server.on_client_disconnect(self._browser_gone)
         self._next: dict[str, float] = {}  # when each is due again
-        self._repeats = Repeats()
 
     @property
     def url(self) -> str:
@@ -119,8 +118,6 @@ class Console:
 
     def watch(self, message: Message) -> None:
         """Take note of one message; costs some microseconds, never waits. Call it from one thread."""
-        if self._repeats.knows(message):
-            return
         self._watched.take(message, time.monotonic())
         if isinstance(message, Telemetry) and message.status in ANSWERS and self._emergency.asking:
             self._emergency.answered()

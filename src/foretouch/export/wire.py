@@ -19,7 +19,7 @@ import msgspec
 
 from foretouch.export.structs import comment, snake
 from foretouch.link import CHANNEL_NUMBERS
-from foretouch.messages import CHANNELS, LARGEST_MESSAGE, VERSION, FollowerPacket, LeaderPacket
+from foretouch.messages import CHANNELS, LARGEST_MESSAGE, VERSION, FollowerPacket, LeaderPacket, SmallImage
 
 FEW = 36
 """A list of at most so many numbers stands in its struct; a longer one is looked at where it lies."""
@@ -75,7 +75,7 @@ class WireField:
         return self.kind == _NUMBERS and self.most <= FEW
 
 
-PACKETS = LeaderPacket, FollowerPacket
+PACKETS = LeaderPacket, FollowerPacket, SmallImage
 
 
 def kinds() -> tuple[type[msgspec.Struct], ...]:

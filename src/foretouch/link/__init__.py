@@ -22,7 +22,7 @@ from foretouch.link.key_folder import ROLES, KeyFolder, default_key_folder
 from foretouch.link.networks.named import NETWORK_NAMES, PUBLISHED_NETWORKS, network_trace
 from foretouch.link.networks.reading import read_trace
 from foretouch.link.networks.trace import NetworkTrace
-from foretouch.link.sequence import Repeats, SequenceCounter
+from foretouch.link.sequence import SequenceCounter
 from foretouch.link.zenoh_link import ASKING_PERIOD_NS, STOPPING_CHANNELS, ZenohLink, ask_to_stop, new_press
 
 __all__ = [
@@ -41,7 +41,6 @@ __all__ = [
     "Identity",
     "KeyFolder",
     "NetworkTrace",
-    "Repeats",
     "SequenceCounter",
     "WaitingNote",
     "ZenohLink",

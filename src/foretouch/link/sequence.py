@@ -4,36 +4,7 @@ from __future__ import annotations
 
 from array import array
 
-from foretouch.messages import PROCESS, CameraImage, FieldUpdate, Hello, Message, ModelUpdate, Telemetry
-
 REMEMBERED = 2**15  # Number of the newest sequence numbers that are remembered one by one: at 1 kHz, half a minute
-
-
-class Repeats:
-    """Knows what of the robot's side was told before: over a thin link the leader tells again what it heard.
-
-    It is for who watches, who may hear both sides: what is newest counts, whoever told it.
-    """
-
-    def __init__(self) -> None:
-        self._newest: dict[type[Message], tuple[str, int]] = {}  # of which process, and its number
-
-    def knows(self, message: Message) -> bool:
-        """Whether this, or a newer message of its kind, was told before; from now on it was."""
-        match message:
-            case Telemetry() | ModelUpdate() | FieldUpdate():
-                number = f"{message.run:020d}", message.sequence
-            case CameraImage():
-                number = f"{message.run:020d}", message.tick
-            case Hello(role="follower"):
-                number = message.texts.get(PROCESS, ""), message.sequence
-            case _:
-                return False
-        before = self._newest.get(type(message))
-        if before is not None and before >= number:
-            return True
-        self._newest[type(message)] = number
-        return False
 
 
 class SequenceCounter:

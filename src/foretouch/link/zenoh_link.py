@@ -14,7 +14,7 @@ import json
 import secrets
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from foretouch.errors import DecodeError, LinkError, MissingExtraError, PeerVersionError
@@ -131,8 +131,6 @@ class ZenohLink:
             )
             for channel in CHANNELS.values()
         }
-        here = key_to_send(CHANNELS["hello"].name)
-        self._repeater = self._session.declare_publisher(here, congestion_control=zenoh.CongestionControl.DROP)
         self._subscribers = [subscriber for name in subscribe for subscriber in self._subscribe(name)]
 
     def _subscribe(self, name: str) -> list[Any]:
@@ -167,9 +165,17 @@ class ZenohLink:
                 else:
                     self._watch(message)
 
-        others = zenoh_module().Locality.REMOTE  # what a process says itself does not come back to it
-        subscribe = self._session.declare_subscriber
-        return [subscribe(key, receive, allowed_origin=others) for key in keys_to_receive(name)]
+        return [self._session.declare_subscriber(key, receive) for key in keys_to_receive(name)]
+
+    @contextlib.contextmanager
+    def hearing(self, name: str) -> Iterator[None]:
+        """Receive one more channel for a while; from other machines only what was asked for at the beginning comes."""
+        subscribers = self._subscribe(name)
+        try:
+            yield
+        finally:
+            for subscriber in subscribers:
+                subscriber.undeclare()
 
     def other_version(self, roles: Iterable[str] = SIDES) -> PeerVersionError | None:
         """The error where this process's peers send hellos, but in another version; else None.
@@ -201,9 +207,9 @@ class ZenohLink:
             self.unsent += 1
 
     def repeat(self, hello: Hello) -> None:
-        """Tell this machine what another process says of itself; a process elsewhere takes it from nobody else."""
+        """Tell processes of this machine what another says of itself; other machines refuse it from a third."""
         with contextlib.suppress(self._send_error):
-            self._repeater.put(encode(hello))
+            self._session.put(key_to_send("hello"), encode(hello))
 
     def deliver(self, message: Message) -> None:
         """Put a message that came in another way into its channel's inbox, which is made where it is not received."""
@@ -211,10 +217,6 @@ class ZenohLink:
         if isinstance(message, Hello):
             self._greeted.add(message.role)
         self.inboxes.setdefault(name, deque(maxlen=SHORTEST_QUEUE)).append((time.monotonic_ns(), message))
-
-    def is_received(self, name: str) -> bool:
-        """Whether another process receives what this one publishes on a channel."""
-        return bool(self._publishers[CHANNELS[name].kind].matching_status.matching)
 
     def take(self, name: str) -> list[tuple[int, Any]]:
         """Messages that have arrived on a channel since the last call, oldest first; none where it is not received."""

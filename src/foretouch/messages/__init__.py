@@ -33,6 +33,7 @@ from foretouch.messages.schema import (
     Message,
     ModelUpdate,
     Settings,
+    SmallImage,
     Status,
     Stop,
 )
@@ -96,6 +97,7 @@ __all__ = [
     "SessionRows",
     "Settings",
     "SettingsReport",
+    "SmallImage",
     "Status",
     "Stop",
     "Telemetry",

@@ -48,6 +48,7 @@ CHANNELS: dict[str, Channel] = {
         Channel("hello", schema.Hello, "any", 2.0),
         Channel("forth", schema.LeaderPacket, "leader", 1000.0),
         Channel("back", schema.FollowerPacket, "follower", 1000.0),
+        Channel("small", schema.SmallImage, "camera", 1.0),
     )
 }
 """Every channel of a session by name."""

@@ -15,7 +15,7 @@ import msgspec
 
 from foretouch.quantities import brief_text
 
-VERSION = 15
+VERSION = 16
 """Version of the schema. It changes with every change of a field or a key; peers must agree."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
@@ -290,6 +290,16 @@ class FollowerPacket(Message, frozen=True, array_like=True, gc=False):
 
     Attributes:
         content: One record behind another; `time_ns` is 0.
+    """
+
+    content: Content
+
+
+class SmallImage(Message, frozen=True, array_like=True, gc=False):
+    """Camera to the follower beside it: a small image for the other end of a thin link.
+
+    Attributes:
+        content: Bytes of a `CameraImage`; `sequence` counts the small ones, and `time_ns` is 0.
     """
 
     content: Content

@@ -22,7 +22,6 @@ from foretouch.session.runners.channels import (
     LEADER_CHANNELS,
     hear_packets,
     join_thin,
-    leader_end,
     side_channels,
 )
 from foretouch.session.runners.housekeeping import Housekeeper, Process, StopFlag, orphaned
@@ -34,6 +33,7 @@ from foretouch.session.runners.warm_up import prepare, warm_up
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.setup import make_moved_robot, make_session_robot, reach_texts, setup_of
 from foretouch.session.steps.sensing import session_calibration
+from foretouch.session.thin import end_of
 from foretouch.session.workspace import FramedDevice, FramedRobot, framed_device, framed_robot, inverse
 
 __all__ = [
@@ -58,6 +58,7 @@ __all__ = [
     "StopFlag",
     "be_prompt",
     "close_operator",
+    "end_of",
     "felt_texts",
     "framed_device",
     "framed_robot",
@@ -66,7 +67,6 @@ __all__ = [
     "hear_packets",
     "inverse",
     "join_thin",
-    "leader_end",
     "make_moved_robot",
     "make_operator",
     "make_session_robot",

@@ -34,6 +34,7 @@ def test_a_session_with_a_budget_ends_in_order_with_a_report(tmp_path: Path) -> 
         code, out, err = teleop.wait(90)
     assert code == 0, err
     assert "Traceback" not in err
+    assert "no recorder" not in err  # it was waited for, and heard
     report = json.loads(out)
     assert report["status"] == "ok"
     assert report["messages"]["undecodable"] == 0
@@ -123,7 +124,7 @@ def test_an_image_of_the_robot_s_site_arrives_at_the_leader_s_while_the_hand_res
     with (
         Running("follower", "--listen", follower_at, *scene),
         Running("camera", "--listen", camera_at, "--connect", follower_at, *scene) as camera,
-        Running("leader", "--connect", follower_at, "--listen", leader_at, *scene) as leader,
+        Running("leader", "--connect", follower_at, "--listen", leader_at, "--relay", *scene) as leader,
         Running("record", path, "--connect", leader_at) as recorder,
         ZenohLink(connect=[leader_at], subscribe=["image"]) as watcher,
     ):
@@ -154,7 +155,9 @@ def test_an_emergency_stop_at_the_leader_s_site_stops_the_robot(watched: tuple[s
     follower_at, _, beside = watched
     leader_at = free_endpoint()
     with (
-        Running("leader", "--connect", follower_at, "--listen", leader_at, *BUDGET, "--operator", "scripted"),
+        Running(
+            "leader", "--connect", follower_at, "--listen", leader_at, "--relay", *BUDGET, "--operator", "scripted"
+        ),
         ZenohLink(connect=[leader_at], subscribe=STOPPING_CHANNELS) as watcher,
     ):
         until(lambda: Status.FOLLOWING in statuses(watcher), 60.0)

@@ -89,6 +89,14 @@ def leader(
         str | None,
         typer.Option(help="Who holds control, as others are told; else USER@HOST, with keys the certificate's."),
     ] = None,
+    relay: Annotated[
+        bool,
+        typer.Option(
+            "--relay",
+            help="Over a thin link: tell consoles and recorders on this machine, which connect to the leader alone, "
+            "what it hears of the robot's side.",
+        ),
+    ] = False,
     parent: Parent = None,
     settings: SessionSettings,
 ) -> Answer:
@@ -101,10 +109,10 @@ def leader(
         StopFlag,
         be_prompt,
         close_operator,
+        end_of,
         felt_texts,
         hear_packets,
         join_thin,
-        leader_end,
         prepare,
         run_leader,
         setup_of,
@@ -112,13 +120,17 @@ def leader(
         wait_for_hello,
     )
 
+    if relay and not settings.budget:
+        raise SettingError("relay", relay, "is of a thin link: give a budget, too")
     require_duration(duration)
     setup_of(settings)  # a scene that cannot be read is refused before a follower is waited for
     be_prompt()
     stop = StopFlag().on_signals()
     prepare(settings, stop, say, parent)  # while the follower does the same
     with open_link("leader", endpoints, side_channels("leader", settings)) as link:
-        end = leader_end(settings)
+        end = end_of("leader", settings)
+        if end is not None and relay:
+            end.tell = link.publish
         join_thin(link, end)
         if parent is None:
             say("leader: waiting for a follower" + (" that has a --budget, too" if end is not None else ""))

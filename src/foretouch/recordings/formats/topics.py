@@ -30,6 +30,7 @@ from foretouch.messages import (
     Message,
     ModelUpdate,
     Settings,
+    SmallImage,
     Stop,
     Telemetry,
 )
@@ -78,6 +79,7 @@ TOPICS: Final[dict[type[Message], Topic]] = {
         (FieldUpdate, "/follower/field", "ScaleField", FIXTURE),
         (FixtureBelief, "/camera/fixture", "FixtureBelief", WORLD),
         (CameraImage, "/camera/image", "CameraImage", WORLD),
+        (SmallImage, "/camera/small", "SmallImage", ""),
     )
 }
 

@@ -24,29 +24,19 @@ class Outbox:
         longest: Bytes of a record, at most.
         parities: How many parities so many pieces have.
         urgent: How many of the names always go first; the others take turns.
-
-    Attributes:
-        refused: Number of things that were too long to be sent.
     """
 
     def __init__(self, names: tuple[str, ...], longest: int, parities: Callable[[int], int], urgent: int) -> None:
         self._urgent, self._turns, self._places = names[:urgent], [*names], {name: at for at, name in enumerate(names)}
         self._longest, self._parities = min(longest - PIECE_HEAD, LONGEST), parities
-        self.refused = 0
         self._waiting: dict[str, bytes] = {}
         self._pieces: dict[str, list[bytes]] = {}
         self._numbers = dict.fromkeys(names, 0)
 
     def put(self, name: str, data: bytes) -> None:
-        """Send this instead of what waits under this name, unless it is too long."""
-        if len(data) > MOST_PIECES * self._longest:
-            self.refused += 1
-        elif data:
+        """Send this instead of what waits under this name, unless it is empty or too long."""
+        if 0 < len(data) <= MOST_PIECES * self._longest:
             self._waiting[name] = data
-
-    def waits(self, name: str) -> bool:
-        """Whether anything is to be sent under this name."""
-        return name in self._waiting or bool(self._pieces.get(name))
 
     @property
     def is_empty(self) -> bool:
@@ -136,7 +126,7 @@ class Inbox:
             return -1, "", b""
         kind, place, number, index, count, size = data[at : at + PIECE_HEAD]
         end, row = at + PIECE_HEAD + size, PARITIES.find(kind)
-        if end > len(data) or place >= len(self._names) or count == 0:
+        if end > len(data) or place >= len(self._names) or count == 0 or size == 0:
             return -1, "", b""
         if index >= count if kind == PIECE else not 0 <= row <= MOST_PIECES - count:
             return -1, "", b""
@@ -146,7 +136,7 @@ class Inbox:
         if before is None or before.number != number:
             name = self._names[place]
             self.broken[name] += before is not None and not before.is_whole
-            self.missed[name] += (number - (before.number if before is not None else 0)) % NUMBERS - 1
+            self.missed[name] += 0 if before is None else (number - before.number) % NUMBERS - 1
             before = self._begun[place] = _Begun(number, count)
         if before.is_whole or before.count != count:
             return end, "", b""

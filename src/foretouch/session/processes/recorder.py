@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from foretouch.errors import PeerVersionError, RecordingError, plural, was_or_were
-from foretouch.link import Repeats, SequenceCounter, ZenohLink
+from foretouch.link import SequenceCounter, ZenohLink
 from foretouch.messages import COUNT_PREFIX, FieldUpdate, Hello, Hellos, LeaderState, Message, ModelUpdate, Telemetry
 from foretouch.recordings import SessionWriter
 from foretouch.session.network.lease import ContestPrinter
@@ -62,13 +62,10 @@ class Recorder:
         self._hellos = Hellos()
         self.roles: set[str] = set()
         self._sequences: dict[tuple[str, int], SequenceCounter] = {}
-        self._repeats = Repeats()
 
     def take(self, name: str, arrivals: list[tuple[int, Message]]) -> None:
         """Record the messages of one channel with the times [ns] at which they arrived."""
         for arrival, message in arrivals:
-            if self._repeats.knows(message):
-                continue
             if isinstance(message, Telemetry | ModelUpdate | FieldUpdate):
                 self._count(name, message.run, message.sequence)
             elif isinstance(message, LeaderState):

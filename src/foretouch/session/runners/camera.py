@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 
 from foretouch.link import ZenohLink
-from foretouch.messages import VERSION, CameraImage, FollowerPacket, Telemetry, fixture_of
+from foretouch.messages import VERSION, CameraImage, SmallImage, Telemetry, fixture_of
 from foretouch.session.network.lease import own_epoch
 from foretouch.session.runners.housekeeping import ORPHANED, Greeter, StopFlag, orphaned
 from foretouch.session.settings import SessionSettings
@@ -67,9 +67,9 @@ def run_camera(
         while images and images[0][0] <= now:
             due.append(images.popleft()[1])
             link.publish(due[-1])
-            if settings.budget and now - shown >= SMALL_PERIOD and (small := small_image(due[-1], settings.budget)):
+            if settings.budget and now - shown >= SMALL_PERIOD:
                 shown, small_images = now, small_images + 1
-                link.publish(FollowerPacket(VERSION, small_images, 0, small))
+                link.publish(SmallImage(VERSION, small_images, 0, small_image(due[-1], settings.budget)))
         if newest is not None and state is not None:
             belief = tracker.step(state, ticks, due, newest.time_ns)
             if belief is not None:

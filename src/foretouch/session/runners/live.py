@@ -18,7 +18,7 @@ from foretouch.messages import COUNT_PREFIX, PROCESS, SIDES, SINCE, VERSION, Eme
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.network.lease import Contest, own_epoch
 from foretouch.session.operators import close_operator
-from foretouch.session.runners.channels import hear_packets, join_thin, pass_stops_on, take_images
+from foretouch.session.runners.channels import hear_packets, join_thin, take_images
 from foretouch.session.runners.driven import (
     Driven,
     DrivenFollower,
@@ -34,6 +34,7 @@ from foretouch.session.safety.safety import LEFT
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.thin import FollowerEnd, LeaderEnd
 
+PATIENCE_NS = 5_000_000_000  # Age from which on what asked for an emergency stop has given up [ns]
 MOST_PRESSES = 1024  # Number of emergency-stop presses remembered, so that a repeated message is recognised
 
 ANSWERS = 1000
@@ -333,7 +334,7 @@ def run_leader(
     channels = ("model", "telemetry", *driven.channels) if driven.end is None else (driven.end.from_other,)
     view, epoch = driven.state.follower_view, driven.state.epoch
     heard_ns, lost_before = time.monotonic_ns(), 0
-    asked, asked_ns, press, answered = 0, 0, 0, 0
+    asked, asked_ns, press, answered, passed = 0, 0, 0, 0, 0
 
     def news(texts_of: Mapping[str, Mapping[str, str]]) -> str:
         nonlocal lost_before
@@ -342,11 +343,15 @@ def run_leader(
         return leader_news(view, texts_of.get("follower", {}), silence, nowhere=nowhere, told_here=parent is not None)
 
     def hear(now: int) -> tuple[str, bool]:
-        nonlocal heard_ns, asked, asked_ns, press, answered
+        nonlocal heard_ns, asked, asked_ns, press, answered, passed
         for channel in channels:
             for arrival, message in link.take(channel):
                 driven.arriving.push(arrival, message)
                 heard_ns = arrival
+        for arrival, asks in link.take("emergency"):  # over a thin link this is who asks the robot
+            if asks.press != passed and now - arrival < PATIENCE_NS and not press:
+                stop.emergency, press, passed = asks.reason or "no reason given", asks.press, asks.press
+                answered = view.telemetry.received + ANSWERS
         if stop.emergency and not press:
             press, answered = new_press(), view.telemetry.received + ANSWERS
         if press and now - asked_ns >= ASKING_PERIOD_NS:
@@ -355,7 +360,6 @@ def run_leader(
         # A message that it has stopped may have been under way since an earlier stop.
         if press and view.stopped and view.telemetry.received >= answered:
             stop.emergency, press = "", 0
-        pass_stops_on(link, driven.end)
         loop.choose(now)
         if link.inboxes["stop"]:
             stop.set(link.take("stop")[-1][1].reason or "the session was ended")
@@ -380,11 +384,9 @@ def run_leader(
 
 
 def _recorder_listens(link: ZenohLink, end: LeaderEnd | FollowerEnd | None, stop: StopFlag, parent: int | None) -> bool:
-    """Wait for a recorder, whose hello does not cross a thin link; whether one listens."""
+    """Wait for a recorder; whether one listens. Over a thin link hellos are heard for that time alone."""
+    wait = partial(wait_for_hello, link, {"recorder"}, stop, timeout=RECORDER_PATIENCE, parent=parent)
     if end is None:
-        return bool(wait_for_hello(link, {"recorder"}, stop, timeout=RECORDER_PATIENCE, parent=parent))
-    limit = time.monotonic() + RECORDER_PATIENCE
-    while not (listens := link.is_received("command")) and time.monotonic() < limit and not stop.reason:
-        hear_packets(link, end)
-        time.sleep(0.01)
-    return listens
+        return bool(wait())
+    with link.hearing("hello"):
+        return bool(wait(meanwhile=partial(hear_packets, link, end)))

@@ -77,6 +77,7 @@ class End(ABC, Generic[Said, Heard]):
 
     Attributes:
         deliver: Takes what is heard and is no message for the side's step.
+        tell: Takes what is heard and is one, too; None for nobody.
         sent: Bytes sent.
         packets: Number of packets sent.
         arrived: Counts the packets that arrived.
@@ -90,6 +91,7 @@ class End(ABC, Generic[Said, Heard]):
 
     def __init__(self, budget: float, says: Kind[Said], hears: Kind[Heard], spacing: float, protection: str) -> None:
         self.deliver: Callable[[Message], None] = _nobody
+        self.tell: Callable[[Message], None] | None = None
         self.sent = self.packets = 0
         self.arrived = SequenceCounter()
         self._saying, self._hearing = Saying(says), Hearing(hears)
@@ -182,7 +184,7 @@ class End(ABC, Generic[Said, Heard]):
 
     @property
     def _known(self) -> int:
-        """Tick of the other side of which is known what its newest record says."""
+        """Newest tick of the other side that a record has told; later ones were gone on to from it."""
         return LARGEST
 
     def _content(self) -> bytes:
@@ -216,6 +218,9 @@ class End(ABC, Generic[Said, Heard]):
         message = self._hearing.next()
         if message is not None:
             due.append(message)
+        if self.tell is not None:
+            for heard in due:
+                self.tell(heard)
         return due
 
     def _take(self, data: bytes, due: list[Message], now_ns: int) -> None:
@@ -234,7 +239,7 @@ class End(ABC, Generic[Said, Heard]):
                 at, name, whole = self._inbox.take(data, at)
                 if whole:
                     self._take_whole(name, whole, due)
-            elif kind == EMERGENCY and at + 10 <= len(data):
+            elif kind == EMERGENCY and self.other == "leader" and at + 10 <= len(data):
                 end = at + 10 + data[at + 1]
                 press, reason = int.from_bytes(data[at + 2 : at + 10], "little"), data[at + 10 : end]
                 said = printable(reason.decode(errors="replace"))[:LONGEST_WORD]

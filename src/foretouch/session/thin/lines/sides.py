@@ -102,7 +102,7 @@ class Saying(Generic[M]):
             flags: Further ones.
             most: How many numbers are said at most; beside a context that has been said before it is one.
             spare: Whether there is room for a context that has been said before.
-            known: Tick of the other side of which is known what its newest record says.
+            known: Newest tick of the other side that a record has told; a later one is not acknowledged.
         """
         message, chosen, words = self._message, 0, b""
         assert message is not None
