@@ -33,7 +33,7 @@ from foretouch.report import session_figures
 from foretouch.robot import material_names
 from foretouch.session import SessionSettings, simulate
 from foretouch.session.thin import FollowerEnd, LeaderEnd
-from foretouch.session.thin.ends import ENDS, PROTECTIONS
+from foretouch.session.thin import ends as thin_ends
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE, PICTURE = ROOT / "docs" / "thin-links.md", ROOT / "docs" / "images" / "thin-links.png"
@@ -156,7 +156,7 @@ def lost(material: str, seed: int, protection: str, loss: float, burst: float) -
             told.append(super().heard(*given))
             return told[-1]
 
-    ENDS.update(leader=KeptLeader, follower=KeptFollower)
+    thin_ends.ENDS.update(leader=KeptLeader, follower=KeptFollower)
     log = simulate(
         SessionSettings(
             material=material, grip="normal", seed=seed, budget=2000.0, protection=protection, loss=loss, burst=burst
@@ -179,12 +179,12 @@ def losses() -> dict[str, str]:
     """Sessions that lose packets, by what is sent against it."""
     cases = [
         (material, seed, protection, *loss)
-        for loss, protection, material, seed in product(LOSSES, PROTECTIONS, PRESSED, FEW_SEEDS)
+        for loss, protection, material, seed in product(LOSSES, thin_ends.PROTECTIONS, PRESSED, FEW_SEEDS)
     ]
     found = np.array(Parallel(n_jobs=2)(delayed(lost)(*case) for case in cases))
     rows = []
-    groups = found.reshape(len(LOSSES) * len(PROTECTIONS), -1, len(Loss._fields))
-    for ((loss, burst), protection), group in zip(product(LOSSES, PROTECTIONS), groups, strict=True):
+    groups = found.reshape(len(LOSSES) * len(thin_ends.PROTECTIONS), -1, len(Loss._fields))
+    for ((loss, burst), protection), group in zip(product(LOSSES, thin_ends.PROTECTIONS), groups, strict=True):
         mean = Loss(*np.nanmean(group, axis=0))
         never = 100.0 * mean.never / (mean.whole + mean.never)
         name = f"{100 * loss:g}" + f", in bursts of {burst:g}" * (burst > 1.0)
