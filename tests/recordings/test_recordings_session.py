@@ -143,7 +143,7 @@ def test_another_reader_gets_the_frame_of_every_topic(tmp_path):
         channels = {channel.topic: channel.metadata for channel in make_reader(file).get_summary().channels.values()}
     said = {topic: metadata["frame_id"] for topic, metadata in channels.items() if "frame_id" in metadata}
     assert set(said.values()) <= set(FRAMES)
-    packets = {"/leader/packet", "/follower/packet"}
+    packets = {"/leader/packet", "/follower/packet", "/camera/small"}
     assert {topic for topic in channels if topic not in said} - packets == {
         f"/session/{name}" for name in ("hello", "settings", "choice", "stop", "emergency")
     }
