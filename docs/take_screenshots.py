@@ -166,6 +166,7 @@ def _take_thin(url: str, _: Hanging) -> None:
     with open_page(url, 1280, 900) as (page, _):
         open_tab(page, "Network")
         page.wait_for_timeout(1000 * THIN_WATCHED)
+        _scroll(page, to_end=True)
         page.screenshot(path=THIN)
 
 

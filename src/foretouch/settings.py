@@ -333,7 +333,7 @@ class Declared:
     protection: str = _network(
         "parity",
         "What a side with a budget sends against loss: none, where nothing is lost; parity, by which one lost piece of "
-        "a model comes back; strong, where a tenth and more is lost.",
+        "a model comes back; strong, where a fifth is lost.",
         choices=PROTECTIONS,
     )
 
