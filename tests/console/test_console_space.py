@@ -147,13 +147,6 @@ def test_an_image_is_shown_late_and_the_one_of_another_process_never() -> None:
         assert (image.tick if image else None) == (max(due) if due else None)
 
 
-def test_an_image_that_came_over_a_thin_link_does_not_replace_a_newer_one() -> None:
-    seen = SpaceState()
-    for tick in (10, 40, 70, 40, 100, 10):
-        seen.take(CameraImage(VERSION, 1, 0, tick, b"", (), (), 0, "", ()), 0.0)
-    assert [image.tick for image in seen._images] == [10, 40, 70, 100]
-
-
 def ticked(sequence: int, run: int) -> Telemetry:
     numbers, robot = (0.0,) * 6, FollowerSpace(*(0.0,) * 19)
     return Telemetry(VERSION, sequence, sequence, 0, *numbers, False, False, 0, 1, 1, run=run, space=robot)

@@ -22,7 +22,7 @@ from running import Running, until
 
 from foretouch.errors import RecordingError
 from foretouch.link import ZenohLink, free_endpoint
-from foretouch.messages import VERSION, CameraImage, Stop
+from foretouch.messages import VERSION, Stop
 from foretouch.recordings import is_whole, read_session, repair_session
 from foretouch.session import RECORDER_CHANNELS, RECORDING_INCOMPLETE, Recorder, StopFlag, run_recorder
 
@@ -70,16 +70,6 @@ def test_a_second_recorder_does_not_replace_what_is_being_written(tmp_path: Path
         repair_session(path)
     recorder.close({})
     assert read_session(path).follower.size == 499
-
-
-def test_an_image_that_came_over_a_thin_link_too_is_recorded_once(tmp_path: Path) -> None:
-    recorder = Recorder(tmp_path / "session.mcap")
-    images = [CameraImage(VERSION, 1, 0, tick, b"", (), (), 0, "", (), run) for tick, run in ((5, 1), (9, 1), (5, 1))]
-    images += [CameraImage(VERSION, 1, 0, 2, b"", (), (), 0, "", (), 2)]
-    ticks(recorder, 1, 10)
-    recorder.take("image", [(10**7 + n, image) for n, image in enumerate(images)])
-    recorder.close({})
-    assert [image.tick for image in read_session(tmp_path / "session.mcap").images] == [5, 9, 2]
 
 
 def memory(path: Path, hours: float) -> np.ndarray:
