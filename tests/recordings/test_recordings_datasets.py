@@ -98,7 +98,7 @@ def test_a_wrong_file_in_the_data_folder_is_refused(elsewhere, monkeypatch):
     wrong.parent.mkdir()
     wrong.write_text("something else")
     monkeypatch.setenv(DATA_DIR, str(elsewhere))
-    with pytest.raises(DatasetError, match="is not aurora/400-mN: its SHA-256 differs"):
+    with pytest.raises(DatasetError, match="is not the original of aurora/400-mN: its SHA-256 differs"):
         fetch_dataset(NAME)
 
 

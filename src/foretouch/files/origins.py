@@ -116,14 +116,26 @@ def fetch(origin: Origin, file: str, what: str, sha256: str | None = None) -> Pa
         ) from None
 
 
-def require_checksum(path: Path, name: str, sha256: str) -> None:
-    """Refuse a file of the user's that is another than its name says.
+def original(origin: Origin, here: str, there: str, what: str, sha256: str) -> Path:
+    """Path of a file of that checksum: of the folder that `DATA_DIR` names, else from the cache or its origin.
+
+    Args:
+        origin: Where it was published.
+        here: Its name in a folder of the user's.
+        there: Its path at the origin, below the folder.
+        what: What it is, for the error.
+        sha256: Its checksum.
 
     Raises:
-        DatasetError: Its checksum differs.
+        DatasetError: The user's file is another, or there is none and it cannot be fetched.
+        MissingExtraError: The package ``pooch`` is needed and not installed.
     """
+    path = in_data_dir(f"{origin.local_folder}/{here}")
+    if path is None:
+        return fetch(origin, there, what, sha256)
     if hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
-        raise DatasetError(f"{path} is not {name}: its SHA-256 differs; remove it or fetch it again")
+        raise DatasetError(f"{path} is not {what}: its SHA-256 differs; remove it or fetch it again")
+    return path
 
 
 def _pooch() -> Any:

@@ -20,7 +20,7 @@ from urllib.parse import quote
 
 from foretouch.errors import UnknownNameError
 from foretouch.errors.checks import require_type
-from foretouch.files.origins import HOST, Origin, fetch, in_data_dir, require_checksum
+from foretouch.files.origins import HOST, Origin, original
 from foretouch.recordings.formats.published import SUFFIX
 
 EXCERPTS: Final = Path(__file__).parent / "measured"
@@ -173,11 +173,7 @@ def fetch_dataset(name: str) -> Path:
         MissingExtraError: The package ``pooch`` is needed and not installed.
     """
     dataset = _named(name)
-    path = in_data_dir(f"{dataset.origin.local_folder}/{dataset.file}")
-    if path is None:
-        return fetch(dataset.origin, dataset.file, f"the original of {dataset.name}", dataset.sha256)
-    require_checksum(path, dataset.name, dataset.sha256)
-    return path
+    return original(dataset.origin, dataset.file, dataset.file, f"the original of {dataset.name}", dataset.sha256)
 
 
 def fetch_all(kind: str | None = None) -> list[Path]:

@@ -331,6 +331,19 @@ def test_a_restarted_sides_hello_is_heard_though_it_counts_anew() -> None:
     assert [hello.texts["leader"] for hello in heard] == ["first", "second"]
 
 
+def test_a_hello_that_nobody_heard_is_said_again_to_who_comes_later() -> None:
+    leader, follower, heard = LeaderEnd(2000.0), FollowerEnd(2000.0), []
+    follower.deliver = heard.append
+    for tick in range(1, 3000):
+        if tick % 500 == 1:
+            leader.offer(Hello.of("leader", tick, tick * MS, {"leader": "anna"}))
+        packets = leader.said([command_at(tick)], tick * MS)[1:]
+        if tick > 1200:
+            follower.heard(packets, tick * MS)
+            leader.heard(follower.said([telemetry_at(tick)], tick * MS)[1:], tick * MS)
+    assert [hello.texts["leader"] for hello in heard] == ["anna"]
+
+
 def test_a_hello_beyond_all_bounds_stops_nothing() -> None:
     leader, follower, heard = LeaderEnd(1000.0), FollowerEnd(1000.0), []
     follower.deliver = heard.append

@@ -75,6 +75,8 @@ def test_sides_with_a_budget_find_each_other_and_anybody_stops_the_robot(
 ) -> None:
     endpoint, follower, watcher = watched
     with Running("leader", "--connect", endpoint, "--operator", "scripted", "--name", "anna", *BUDGET) as leader:
+        assert follower.process.stderr is not None
+        assert "follower: connected: the leader is anna\n" in iter(follower.process.stderr)
         until(lambda: statuses(watcher) & {Status.FOLLOWING, Status.GUARDED}, 40.0)
         with Running("stop", "--connect", endpoint) as stop:
             code, out, err = stop.wait(20)
@@ -86,7 +88,6 @@ def test_sides_with_a_budget_find_each_other_and_anybody_stops_the_robot(
         assert code == 0, err
     code, _, err = follower.wait(20)
     assert code == 0, err
-    assert "follower: connected: the leader is anna" in err
 
 
 def test_an_emergency_stop_at_the_leader_reaches_the_follower(watched: tuple[str, Running, ZenohLink]) -> None:

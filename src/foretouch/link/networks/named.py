@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from foretouch.errors import MissingExtraError, UnknownNameError
-from foretouch.files.origins import Origin, cache_of, fetch, in_data_dir, require_checksum
+from foretouch.files.origins import Origin, cache_of, in_data_dir, original
 from foretouch.link.networks.reading import read_trace
 from foretouch.link.networks.trace import NetworkTrace
 
@@ -58,11 +58,8 @@ class Published:
 
     def fetch(self, name: str) -> NetworkTrace:
         """The trace, from a folder that has it, from the cache, or from its origin."""
-        path = in_data_dir(f"{CICV5G.local_folder}/{self.file}")
-        if path is None:
-            path = fetch(CICV5G, f"{self.folder}/{self.original or self.file}", f"network {name}", self.sha256)
-        else:
-            require_checksum(path, name, self.sha256)
+        there = f"{self.folder}/{self.original or self.file}"
+        path = original(CICV5G, self.file, there, f"network {name}", self.sha256)
         trace = read_trace(path, self.last_line)
         return replace(trace, name=name, source=self.source, licence=self.licence)
 

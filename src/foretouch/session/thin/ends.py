@@ -77,7 +77,7 @@ class End(ABC, Generic[Said, Heard]):
 
     Attributes:
         deliver: Takes what is heard and is no message for the side's step.
-        tell: Takes what is heard and is one, too; None for nobody.
+        tell: Takes the messages for the side's step as well, for those beside it; None for nobody.
         sent: Bytes sent.
         packets: Number of packets sent.
         arrived: Counts the packets that arrived.
@@ -212,6 +212,8 @@ class End(ABC, Generic[Said, Heard]):
             if packet.sequence == 1:  # of another process, which counts from there
                 self.arrived.restart()
                 self._inbox.restart()
+            if self.arrived.newest == 0:  # who speaks first may not have heard the hello that was said before
+                self._hello_ns = -HELLO_NS
             self.arrived.is_newest(packet.sequence)
             self._hearing.sender = getattr(packet, "sender", "")
             self._take(packet.content, due, now_ns)  # type: ignore[attr-defined]

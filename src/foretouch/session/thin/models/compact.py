@@ -116,7 +116,7 @@ GROUPS = (
     np.r_[_at("felt")],
     np.r_[_at("lowest")],
 )
-"""Numbers of a map's header in groups: where nobody feels it, a group stays as the other end has it."""
+"""Numbers of a map's header in groups: a group whose change the operator would not feel is not sent."""
 
 IDLE = np.full(COUNT, 0.5)
 """Steps within which a number stays as it was. To dither between two steps costs bits; but what a map's own rules
