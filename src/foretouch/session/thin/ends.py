@@ -47,7 +47,9 @@ HELD_UP = 0.02  # Time that one packet may take, by the budget, so that a stop w
 ENOUGH = 1000.0  # Bytes a second that are enough for models as they are said over the thinnest links
 SHARE = 0.7  # Part of the budget that lines may take beyond what is due while models or others wait
 NEVER_NS = 2**62  # Time since what never was [ns]
-HELLO_NS = 10_000_000_000  # Time between two hellos of the same texts [ns]
+HELLO_NS, UNHEARD_NS = 10_000_000_000, 1_000_000_000
+"""Time between two hellos of the same texts, and the silence after which they are said all the time [ns]: who is to
+answer may wait for one."""
 
 NAMES, URGENT = ("stop", "model", "field", "hello", "image"), 2
 """Of what goes in pieces, the most urgent first; and how many of them are: what is only looked at takes turns."""
@@ -110,7 +112,7 @@ class End(ABC, Generic[Said, Heard]):
         }
         self._of_step = self._beside | {self.tick: self._saying.note}
         self._texts: dict[str, str] = {}
-        self._hello_ns = -HELLO_NS
+        self._hello_ns, self._heard_ns = -HELLO_NS, -NEVER_NS
 
     def offer(self, message: Message) -> None:
         """Take a message that this side says beside its step; what does not cross is left out."""
@@ -125,9 +127,10 @@ class End(ABC, Generic[Said, Heard]):
         self._outbox.put("stop", encode(stop))
 
     def _offer_hello(self, hello: Hello) -> None:
-        """A hello that says something new, or the first for long."""
+        """A hello that says something new, the first for long, or any while the other end is silent."""
         texts = {name: text for name, text in hello.texts.items() if not name.startswith(COUNT_PREFIX)}
-        if texts != self._texts or hello.time_ns - self._hello_ns >= HELLO_NS:
+        every = HELLO_NS if hello.time_ns - self._heard_ns <= UNHEARD_NS else 0
+        if texts != self._texts or hello.time_ns - self._hello_ns >= every:
             self._texts, self._hello_ns = texts, hello.time_ns
             self._outbox.put("hello", encode(Hello.of(hello.role, hello.sequence, hello.time_ns, texts)))
 
@@ -212,8 +215,9 @@ class End(ABC, Generic[Said, Heard]):
             if packet.sequence == 1:  # of another process, which counts from there
                 self.arrived.restart()
                 self._inbox.restart()
-            if self.arrived.newest == 0:  # who speaks first may not have heard the hello that was said before
+            if now_ns - self._heard_ns > UNHEARD_NS:  # it may not have heard the hellos that were said before
                 self._hello_ns = -HELLO_NS
+            self._heard_ns = now_ns
             self.arrived.is_newest(packet.sequence)
             self._hearing.sender = getattr(packet, "sender", "")
             self._take(packet.content, due, now_ns)  # type: ignore[attr-defined]
