@@ -18,6 +18,7 @@ system:  ## install the system packages that tests need: browser, images, compil
 	@tools/system libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0 || echo "system: the tests of camera images will be skipped" >&2
 	@[ -n "$$FORETOUCH_BROWSER" ] || tools/system chromium fonts-dejavu-core || echo "system: the browser tests will be skipped" >&2
 	@tools/system clang cmake g++ lld wasi-libc || echo "system: tests of the package for C and of the page of the demo that need one of these will be skipped" >&2
+	@tools/system libclang-rt-dev || echo "system: the tests of the package for C with the sanitizers of clang will be skipped" >&2
 	@tools/system gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user || echo "system: the tests of the package for C on an emulated aarch64 will be skipped" >&2
 
 teleop: setup  ## the main job: leader, follower, console and recorder (options: make teleop ARGS="--headless --duration 20")

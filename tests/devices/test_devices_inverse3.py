@@ -54,7 +54,7 @@ def held(service: Service, told: list[str]) -> Iterator[Inverse3]:
     made.close()
 
 
-def until(true: Callable[[], bool], seconds: float = 5.0) -> None:
+def until(true: Callable[[], bool], seconds: float = 20.0) -> None:
     end = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < end, "it did not come"

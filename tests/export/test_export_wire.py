@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import random
-import shutil
 import struct
 import subprocess
 from collections import Counter
@@ -16,6 +15,7 @@ import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from packages import needs
 from wire_c import (
     COMPILERS,
     CROSS,
@@ -273,8 +273,7 @@ def test_c_and_python_agree_on_whatever_arrives(program: Program) -> None:
 
 
 def test_another_processor_does_the_same(tmp_path: Path) -> None:
-    if not (shutil.which(CROSS) and shutil.which(EMULATOR)):
-        pytest.skip(f"needs {CROSS} and {EMULATOR}")
+    needs(CROSS, EMULATOR)
     program, number = build(CROSS, tmp_path), random.Random(6)
     agree(program, cases(6, 4000))
     assert agree(program, [(kind, encode(made(kind, number))) for kind in KINDS for _ in range(30)])[OK] > 250
@@ -464,16 +463,14 @@ def test_it_needs_memcpy_and_memset_alone(compiler: str, tmp_path: Path) -> None
 
 @pytest.mark.parametrize("target", ["x86_64", "aarch64", "armv7a-none-eabihf", "i386", "wasm32"])
 def test_it_compiles_where_there_is_no_library(target: str, tmp_path: Path) -> None:
-    if "clang" not in COMPILERS:
-        pytest.skip("needs clang")
+    needs("clang")
     write_sources(tmp_path)
     flags = (*STRICT, "-O2", "-ffreestanding", f"--target={target}")
     subprocess.run(["clang", *flags, "-c", "foretouch_wire.c", "-o", "wire.o"], cwd=tmp_path, check=True)
 
 
 def test_the_header_is_c_plus_plus_too(tmp_path: Path) -> None:
-    if not any(compiler == "gcc" for compiler in COMPILERS):
-        pytest.skip("needs g++")
+    needs("g++")
     write_sources(tmp_path)
     (tmp_path / "uses.cpp").write_text('#include "foretouch_wire.h"\nforetouch_command command;\n')
     subprocess.run(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import shutil
 import struct
 import subprocess
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
+from packages import sanitizes
 
 from foretouch.errors import DecodeError, PeerVersionError
 from foretouch.export.structs import snake
@@ -18,7 +18,7 @@ from foretouch.export.wire import WireField, fields_of, kinds, sources
 from foretouch.messages import LARGEST_MESSAGE, Message, as_printed, decode, encode
 
 HERE = Path(__file__).parent
-COMPILERS = tuple(name for name in ("gcc", "clang") if shutil.which(name))
+COMPILERS = tuple(filter(sanitizes, ("gcc", "clang")))
 STRICT = ("-std=c11", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wshadow", "-Wcast-qual")
 CROSS, EMULATOR = "aarch64-linux-gnu-gcc", "qemu-aarch64"
 SANITIZED = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
