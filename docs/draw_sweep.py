@@ -1,7 +1,8 @@
 """Write the results of a sweep into `docs/sweep.md`, and draw its plots again.
 
 Usage: `.venv/bin/python docs/draw_sweep.py [FOLDER]`, after `make sweep`; without a folder `out/sweep`. The table goes
-into the block `totals`, the images to `docs/images`. Of a sweep that other code has run the page says so.
+into the block `totals`, the images to `docs/images`. Of a sweep that other code has run the page says so. Of a sweep
+with a budget the table goes into the block `sweep` of `docs/thin-links.md`, and there are no plots.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from foretouch.sweep import summary
 from foretouch.sweep.curves import AXES, TOTALS, crossover_sentences, figure_text
 from foretouch.sweep.sweep import FILE_NAME, code_digest, read_store
 
-PAGE = Path(__file__).parent / "sweep.md"
+PAGE, THIN_PAGE = (Path(__file__).parent / name for name in ("sweep.md", "thin-links.md"))
 IMAGES = Path(__file__).parent / "images"
 HEADS = {
     "ours": "models",
@@ -46,9 +47,14 @@ def main(folder: Path) -> None:
     sentences += [f"Session {one['number']}: {one['objection']}: `{one['command']}`" for one in content["objections"]]
     compared = content.get("compared", {"sessions": 0})["sessions"]
     ran = f"--sessions {content['ours']['sessions']} --baselines {compared} --duration {header.duration_s:g}"
+    ran += f" --budget {header.budget:g}" if header.budget else ""
     intro = f"`foretouch sweep {ran} --seed {header.seed}`, foretouch {header.version}:"
-    block = "\n".join([intro, "", *lines, "", *(f"- {sentence}" for sentence in sentences)]).rstrip()
-    fill(PAGE, {"totals": block + "\n"}, current=header.code == code_digest())
+    block = "\n".join([intro, "", *lines, "", *(f"- {sentence}" for sentence in sentences)]).rstrip() + "\n"
+    current = header.code == code_digest()
+    if header.budget:
+        fill(THIN_PAGE, {"sweep": block}, current=current)
+        return
+    fill(PAGE, {"totals": block}, current=current)
     names = ("round-trip", "model-rate", "model-age")
     drawn = {f"sweep-{name}": figures.error_figure(rows, axis) for name, axis in zip(names, AXES, strict=True)}
     drawn["sweep-stability"] = figures.condition_figure(rows)

@@ -59,6 +59,7 @@ LIVE = (
 
 REPLAY = "foretouch.cli.commands.sessions:replay"
 SIMULATE = "foretouch.cli.commands.sessions:simulate"
+SWEEP = ("draw_sweep:main", "foretouch.cli.commands.studies:sweep")
 THIN = SIMULATE, "foretouch.session.thin.ends:End"
 
 TUNED = ("designs.tuned:predict_all", "designs.tuned:install", "designs.tuned:Finder")
@@ -89,6 +90,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
         "delayed": ("measure_budget:felt_late", *THIN),
         "overhead": ("measure_budget:overhead", *LIVE),
         "cost": ("measure_budget:cost", "foretouch.session.thin.ends:End"),
+        "sweep": SWEEP,
     },
     "docs/faults.md": {"faults": ("measure_faults:main", "test_session_soak_fire", *LIVE)},
     "docs/identifiability.md": dict.fromkeys(("bounds", "twins"), ("draw_identifiability:shares",)),
@@ -150,7 +152,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
         "places": ("compare_places:compared",),
         "spots": ("measure_spots:rasters",),
     },
-    "docs/sweep.md": {"totals": ("draw_sweep:main", "foretouch.cli.commands.studies:sweep")},
+    "docs/sweep.md": {"totals": SWEEP},
 }
 
 BLOCKS: dict[Key, tuple[str, ...]] = {
