@@ -13,7 +13,7 @@ from pathlib import Path
 import grimp
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "foretouch"
-FILES, LINES = 475, 91_082
+FILES, LINES = 475, 91_086
 RAISE = "a new law, estimator or device raises FILES and LINES: see the rules in CONTRIBUTING.md"
 FLAT, LARGEST, MEDIAN = 12, 400, range(120, 226)
 PARAMETERS, LONG_SIGNATURES = 8, 1

@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from foretouch.console.panels.session import stages_html
 from foretouch.messages import SessionLog
 from foretouch.report import session_figures
 from foretouch.report.writing.session_report import findings, render_text
 from foretouch.session import SessionSettings, simulate
-from foretouch.session.latency import HALVES, ONE_CLOCK, STAGES, latency_figures, time_shift
+from foretouch.session.latency import HALVES, IN_THE_LOOP, ONE_CLOCK, STAGES, latency_figures, time_shift
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +66,16 @@ def test_a_log_of_nothing_has_no_stage_of_the_loop() -> None:
     found = latency_figures(nothing.leader, nothing.follower, {"device_delay": "none"})
     assert set(found["stages_ms"].values()) == {None}
     assert found["sum_ms"] is found["loop_ms"] is None
+
+
+def test_a_side_that_counts_on_while_the_other_is_late_says_nothing_of_the_ways(log: SessionLog) -> None:
+    follower = log.follower.copy()
+    follower["command_sequence"] += 400  # over a thin link: of commands that the leader's late ticks are yet to make
+    found = latency_figures(log.leader, follower, log.settings)
+    unknown = {"leader", "link_there", "playout", "link_back"}
+    assert {name for name in IN_THE_LOOP if found["stages_ms"][name] is None} == unknown
+    assert found["sum_ms"] is found["clocks"] is None
+    assert "Where the time goes" in stages_html(found)
 
 
 def test_a_report_tells_them(log: SessionLog) -> None:

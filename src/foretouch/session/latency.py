@@ -45,9 +45,10 @@ def latency_figures(leader: Rows, follower: Rows, settings: Mapping[str, str]) -
     .. math:: t_F(k) - t_L(s) = a, \qquad t_L(n) - t_F(k) = b
 
     of a way there and a way back, with the difference of two clocks in both: their sum has none. Where neither is ever
-    negative it is one clock; else half of the shortest loop is taken for each way, which is a guess. The loop is
-    measured beside that as the shift of time between the leader's motion and the robot's as the leader knows it, by
-    `time_shift`: it goes by positions alone, the sum by clocks.
+    negative it is one clock; else half of the shortest loop is taken for each way, which is a guess. Where even that is
+    negative nothing is known of the ways: over a thin link a side counts on while the other's ticks are late. The
+    loop is measured beside that as the shift of time between the leader's motion and the robot's as the leader knows
+    it, by `time_shift`: it goes by positions alone, the sum by clocks.
 
     Args:
         leader: Ticks of one leader's process, as of `foretouch.messages.SessionLog`, without a change of settings.
@@ -64,9 +65,12 @@ def latency_figures(leader: Rows, follower: Rows, settings: Mapping[str, str]) -
     if known.now.size:
         there, back, clocks = _ways(known)
         shortest = float(np.percentile(there, SHORTEST))
-        own = np.minimum(known.sent["compute_ns"] * 1e-9, shortest)
-        stages |= {"leader": own, "playout": np.maximum(there - shortest, 0.0), "link_back": back}
-        stages["link_there"] = np.array([shortest - float(np.median(own))])
+        if shortest >= 0.0:
+            own = np.minimum(known.sent["compute_ns"] * 1e-9, shortest)
+            stages |= {"leader": own, "playout": np.maximum(there - shortest, 0.0), "link_back": back}
+            stages["link_there"] = np.array([shortest - float(np.median(own))])
+        else:
+            clocks = None
         longest = min(float(np.percentile(there + back, 100.0 - SHORTEST)) + LONGEST_LAG, LONGEST_LOOP)
         stages["robot"] = _shift(known.told, known.sent["position"], known.told["position"], LONGEST_LAG)
         shift = _shift(known.now, known.now["position"], known.told["position"], longest)
