@@ -79,7 +79,7 @@ class End(ABC, Generic[Said, Heard]):
 
     Attributes:
         deliver: Takes what is heard and is no message for the side's step.
-        tell: Takes the messages for the side's step as well, for those beside it; None for nobody.
+        tell: Takes a copy of each message for the step, to tell others at this site; None where there are none.
         sent: Bytes sent.
         packets: Number of packets sent.
         arrived: Counts the packets that arrived.
