@@ -54,16 +54,15 @@ test: setup system  ## everything that a change must pass, in some 6 minutes on 
 test-live: setup
 	@$(BIN)/pytest -m "live and not long" $(ARGS) $$(grep -rl 'mark\.live' tests)
 test-beside: setup
-	@nice -n 19 $(MAKE) --no-print-directory check docs test-interpreted test-quick WORKERS=2
+	@nice -n 19 $(MAKE) --no-print-directory check docs test-quick
 test-quick: setup
 	@$(BIN)/pytest -m "not long and not live and not soak" --numprocesses 3 --dist loadfile $(ARGS)
 
-WORKERS := 2
 test-interpreted: setup  ## laws, estimators, rendering and steps with nothing compiled (NUMBA_DISABLE_JIT=1): the same answers
-	@NUMBA_DISABLE_JIT=1 $(BIN)/pytest -m "not long and not live and not soak" --numprocesses $(WORKERS) --dist loadfile \
+	@NUMBA_DISABLE_JIT=1 $(BIN)/pytest -m "not long and not live and not soak" --numprocesses 2 --dist loadfile \
 	    -k "not ($(COMPILED_ONLY))" $(INTERPRETED)
 
-test-long: setup system  ## what takes longer, every make target among it
+test-long: setup system test-interpreted  ## what takes longer, every make target among it, and what is interpreted
 	@$(BIN)/pytest -m long $(ARGS)
 
 attack: setup  ## try to get in, to take control, and to break it with words and files, on loopback, in some minutes

@@ -47,11 +47,18 @@ REAL_TIME = ("live", "network", "browser")
 survives: what fails is tried once more, and named at the end of the run; what fails twice is a failure."""
 
 
+@pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Allow one more try where the machine has a part in the outcome."""
+    """Allow one more try where the machine has a part in the outcome; all cases of a `first` but one are long."""
+    begun = set()
     for item in items:
         if any(item.get_closest_marker(name) for name in REAL_TIME):
             item.add_marker(pytest.mark.flaky(reruns=1))
+        if item.get_closest_marker("first"):
+            test = item.nodeid.partition("[")[0]
+            if test in begun:
+                item.add_marker(pytest.mark.long)
+            begun.add(test)
 
 
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "datasets"

@@ -187,6 +187,7 @@ def test_processes_are_timed_and_failures_said() -> None:
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet", ".mcap"])
+@pytest.mark.first
 def test_a_recording_is_the_same_in_every_format(ending: str, tmp_path: Path) -> None:
     pytest.importorskip("pyarrow")
     path = tmp_path / f"press{ending}"

@@ -127,6 +127,7 @@ def test_the_parts_add_up_and_each_is_there(session: TapedSession) -> None:
             assert part.name == ELSE or timed[side].parts[:, place].sum() > 0.0, f"{side}: nothing calls {part.name}"
 
 
+@pytest.mark.long
 def test_a_profile_says_where_the_time_goes(session: TapedSession) -> None:
     result = profile(session, 1)
     for (side, _), times in result.items():

@@ -39,6 +39,7 @@ def test_the_meshes_of_all_arms_are_fetched_and_their_licences_said(www: Path) -
         ("all2", "unknown arm with meshes 'all2': choose one of all, fr3, so101, ur5e"),
     ],
 )
+@pytest.mark.first
 def test_what_cannot_be_had_is_one_line_with_exit_code_2(arm: str, said: str, elsewhere: Path) -> None:
     words = [sys.executable, "-m", "foretouch", "arms", "meshes", arm]
     surroundings = os.environ | {DATA_DIR: str(elsewhere / "absent")}

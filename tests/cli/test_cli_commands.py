@@ -104,6 +104,7 @@ def test_bash_completes_by_what_install_completion_writes(tmp_path: Path) -> Non
     assert reply.stdout.split() == ["simulate"], reply.stderr
 
 
+@pytest.mark.long
 def test_help_takes_less_than_three_times_what_its_library_takes_to_load() -> None:
     def processor_time(*arguments: str) -> float:
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -219,6 +220,7 @@ def test_what_was_typed_wrong_is_told_in_one_line(words: tuple[str, ...]) -> Non
     assert re.fullmatch(r"foretouch: [^\n]+ \(see `[^`\n]+ --help`\)\n", result.stderr)
 
 
+@pytest.mark.long
 def test_an_arm_that_breaks_a_rule_is_refused_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "mine.xml"
     path.write_text("<mujoco/>")

@@ -56,6 +56,7 @@ def tuesday(tmp_path: Path) -> Path:
     return record(tmp_path / "tuesday.mcap", EPOCH + 1, range(25, 35), 1.2)
 
 
+@pytest.mark.long
 def test_different_sessions_are_merged_and_named_in_the_file(monday: Path, tuesday: Path, tmp_path: Path) -> None:
     out = tmp_path / "both.ply"
     figures = output_of("map", "merge", monday, tuesday, "--out", out)

@@ -74,6 +74,7 @@ def test_commands_refuse_what_is_no_network(tmp_path: Path) -> None:
     assert not (tmp_path / "sweep").exists()
 
 
+@pytest.mark.long
 def test_a_session_over_a_file_is_simulated_and_replayed(trace: Path, tmp_path: Path) -> None:
     recording = tmp_path / "session.mcap"
     options = ["--network", trace, "--network-start", "2", "--duration", "3", "--recording", recording]
@@ -88,6 +89,7 @@ def test_a_session_over_a_file_is_simulated_and_replayed(trace: Path, tmp_path: 
     assert "there is no such file" in refusal_of("replay", recording)
 
 
+@pytest.mark.long
 def test_a_sweep_runs_over_one(tmp_path: Path) -> None:
     folder = tmp_path / "sweep"
     options = ["--sessions", "2", "--baselines", "0", "--duration", "2", "--jobs", "1", "--network", "low-orbit"]

@@ -111,6 +111,7 @@ def test_a_force_that_falls_with_depth_has_a_status_and_a_hint(press: Path) -> N
     assert run("identify", press, "--flip").stdout.splitlines()[-1].strip() == content["hint"]
 
 
+@pytest.mark.long
 def test_forces_that_are_negative_under_load_are_turned_round(press: Path, tmp_path: Path) -> None:
     recording = read_recording(press)
     turned = tmp_path / "turned.csv"
@@ -125,6 +126,7 @@ def test_forces_that_are_negative_under_load_are_turned_round(press: Path, tmp_p
     assert results[0] == results[1] != []
 
 
+@pytest.mark.long
 def test_a_law_says_whether_its_errors_hold_that_of_the_surface(press: Path) -> None:
     arguments = ("identify", press, "--model", "kelvin-voigt", "--estimator")
     alone, both = (output_of(*arguments, name) for name in ("rls", "offline"))
@@ -181,6 +183,7 @@ PAIRS = [(model, name) for model in ESTIMATORS for name in ESTIMATORS[model]]
     ("model", "estimator"),
     [pytest.param(*pair, marks=pytest.mark.long) if pair[1] == "offline" else pair for pair in PAIRS],
 )
+@pytest.mark.first
 def test_identify_takes_every_model_and_estimator(press: Path, model: str, estimator: str) -> None:
     content = output_of("identify", press, "--model", model, "--estimator", estimator)
     assert (content["model"], content["estimator"], content["status"]) == (model, estimator, "ok")
@@ -204,6 +207,7 @@ def test_undetermined_is_printed_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("estimator", ["exact", "rls", "fprls"])
+@pytest.mark.first
 def test_what_is_undetermined_has_no_standard_error(tmp_path: Path, estimator: str) -> None:
     """A slow press under much noise: hardly anything of damping and exponents is told by it."""
     time = np.arange(0.0, 6.0, 1e-3)

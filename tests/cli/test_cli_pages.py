@@ -60,6 +60,7 @@ LONG = ("replay", "sweep", "reproduce")
 
 
 @pytest.mark.parametrize("name", [pytest.param(one, marks=pytest.mark.long) if one in LONG else one for one in SAID])
+@pytest.mark.first
 def test_it_says_version_date_command_and_what_it_is_of(name: str, simulated: Path, tmp_path: Path) -> None:
     words, output = SAID[name]
     folder = simulated

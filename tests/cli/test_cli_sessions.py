@@ -92,6 +92,7 @@ def test_the_page_is_written(simulated: Simulated) -> None:
     assert page.rstrip().endswith("</html>")
 
 
+@pytest.mark.long
 def test_a_recorded_hand_presses() -> None:
     report = output_of("simulate", "--duration", 5, "--operator", "recorded")
     assert report["operator"] == "recorded"

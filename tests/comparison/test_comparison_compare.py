@@ -287,6 +287,7 @@ def test_both_figures_are_given_with_and_without_what_cannot_be_told(kelvin_voig
     assert " ".join(head.split()) == "law estimator one step 0.3 s foreseeable us converged [s] dF/dx"
 
 
+@pytest.mark.long
 def test_long_delays_leave_convergence_as_it_is(kelvin_voigt: comparison.Result) -> None:
     job = Combination(
         comparison.simulated_case("kelvin-voigt"), "kelvin-voigt", "rls", comparison.Scoring((2.0,), score_from=4.0)

@@ -205,6 +205,7 @@ def test_what_failed_is_not_drawn(results: list[comparison.Result]) -> None:
     assert len(comparison.delay_figure([*results[:3], failed]).axes) == 1
 
 
+@pytest.mark.long
 def test_simulated_recordings_are_drawn_without_what_cannot_be_told() -> None:
     scoring = comparison.Scoring((0.0, 0.3))
     case = comparison.simulated_case("kelvin-voigt")

@@ -247,6 +247,7 @@ def test_meshes_that_are_another_arms_are_not_drawn_and_the_console_says_why(
     assert len(view._arms[0]._links[2].vertices) > 100
 
 
+@pytest.mark.long
 def test_large_meshes_are_read_beside_the_loop_and_thinned(
     console: Console, elsewhere: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -267,6 +268,7 @@ def test_large_meshes_are_read_beside_the_loop_and_thinned(
 
 
 @pytest.mark.skipif(chromium() is None, reason="needs Chromium")
+@pytest.mark.long
 def test_an_arm_before_the_handle_is_seen_catches_no_mouse_and_is_seen_as_a_whole(tmp_path: Path) -> None:
     from PIL import Image
 

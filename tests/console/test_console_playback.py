@@ -117,6 +117,7 @@ def test_a_session_of_a_follower_alone_is_refused(recorded: tuple[Path, SessionL
         Playback(alone)
 
 
+@pytest.mark.long
 def test_the_list_has_the_newest_first_and_what_is_broken_is_one_line(recorded: tuple[Path, SessionLog]) -> None:
     folder = recorded[0].parent
     whole = recorded[0].read_bytes()
@@ -184,6 +185,7 @@ def test_the_recording_that_is_being_written_is_said_to_be_that(
     assert notes == {"now.mcap": NOT_YET, "cut.mcap": "It ends before its session did."}
 
 
+@pytest.mark.long
 def test_a_second_run_under_another_delay_stands_beside_the_recorded_one(recorded: tuple[Path, SessionLog]) -> None:
     library = Library([recorded[0].parent])
     library.run_again(0.0, 0.0, closed_loop=False)  # of nothing: nothing

@@ -357,6 +357,7 @@ def test_beliefs_are_told_by_the_clock_of_the_robot() -> None:
     assert 0 <= robot.time_ns - belief.time_ns < 100_000_000
 
 
+@pytest.mark.long
 def test_recordings_on_disk_hold_it_all(tmp_path: Path) -> None:
     log, path = recorded(SHORT), tmp_path / "scene.mcap"
     field = FieldUpdate(VERSION, 1, 1_000_000, packed([1], [1], [0.5], [0.01]), run=int(log.follower_space["run"][0]))

@@ -164,6 +164,7 @@ def test_it_passes_the_checks_of_every_device() -> None:
     assert [finding.check for finding in findings if finding.passed is None] == ["sign of force"]
 
 
+@pytest.mark.long
 def test_without_a_pad_pygame_says_so_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     pygame = pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")

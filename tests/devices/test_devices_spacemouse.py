@@ -206,6 +206,7 @@ def test_nothing_is_felt() -> None:
 
 @settings(max_examples=300)
 @given(st.lists(st.lists(st.integers(0, 255), max_size=70), max_size=20))
+@pytest.mark.long
 def test_no_report_is_taken_for_what_it_is_not(reports: list[list[int]]) -> None:
     mouse = Reports()
     device = SpaceMouse(HidMouse(mouse))

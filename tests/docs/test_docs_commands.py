@@ -296,7 +296,10 @@ def run(arguments: list[str]) -> str:
     return result.stdout
 
 
-SLOW = (("materials", "fit"), ("bench",), ("sweep",), ("reproduce",), ("simulate",))
+SLOW = (
+    *(("materials", "fit"), ("bench",), ("sweep",), ("reproduce",), ("simulate",)),
+    *(("export", "c"), ("export", "page"), ("map", "merge"), ("map", "show")),
+)
 """Commands that take long in any form; their parts have tests of their own."""
 
 
@@ -554,6 +557,7 @@ def test_a_bridge_tries_until_it_is_told_to_end(
 
 @pytest.mark.network
 @pytest.mark.parametrize("text", one_now(of("gate")), ids=str)
+@pytest.mark.long
 def test_a_gate_waits_until_it_is_told_to_end(text: str, tmp_path: Path, running: list[subprocess.Popen[str]]) -> None:
     running.append(start([*on_this_machine(text, "tcp", (free_port(), free_port())), "--json"], tmp_path))
     assert running[0].stderr is not None
@@ -583,6 +587,7 @@ PYTHON = [block for block in blocks() if block.language == "python"]
 
 
 @pytest.mark.parametrize("block", PYTHON, ids=lambda block: f"{block.page}:{block.line}")
+@pytest.mark.first
 def test_a_python_block_runs(block: Block, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(block.text, f"{block.page}:{block.line}", "exec"), {"__name__": "__main__"})
     capsys.readouterr()

@@ -57,6 +57,7 @@ def test_each_example_is_short_and_says_what_it_shows() -> None:
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.long) if name in LONG else name for name in NAMES]
 )
+@pytest.mark.first
 def test_it_runs(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(folder)
     monkeypatch.setenv("MPLBACKEND", "Agg")
@@ -79,6 +80,7 @@ def test_the_walk_through_is_a_notebook_of_five_steps() -> None:
         compile(code, "cell", "exec")
 
 
+@pytest.mark.long
 def test_one_runs_in_a_process_of_its_own(folder: Path) -> None:
     words = [sys.executable, str(EXAMPLES / "read_a_session.py"), *WORDS["read_a_session.py"]]
     done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=120)
@@ -86,6 +88,7 @@ def test_one_runs_in_a_process_of_its_own(folder: Path) -> None:
     assert done.stdout.strip()
 
 
+@pytest.mark.long
 def test_a_type_checker_knows_what_the_examples_use() -> None:
     """Under --strict, so that every name at the top of the package is typed, and no result is Any by accident."""
     paths = sorted(EXAMPLES.glob("*.py"))

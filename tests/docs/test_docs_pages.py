@@ -115,6 +115,7 @@ def test_every_field_of_the_report_is_described(tmp_path: Path) -> None:
     assert keys(report) - scores - docstring - fields("docs/rooms/report.md") == set()
 
 
+@pytest.mark.long
 def test_every_field_of_identify_and_predict_is_described(tmp_path: Path) -> None:
     rows = "\n".join(
         f"{0.001 * i},{0.01 + 0.005 * (i % 1000 > 500)},{0.1 + 3.0 * (i % 1000 > 500)}" for i in range(4000)

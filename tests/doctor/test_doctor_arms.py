@@ -16,6 +16,7 @@ FAST = {"rate": 1000, "mean_s": 1e-4, "p50_s": 1e-4, "p99_s": 3e-4}
 
 
 @pytest.mark.parametrize(("name", "rate", "later"), [("fr3", 1000, ""), ("so101", 200, "up to 4 ms later")])
+@pytest.mark.first
 def test_an_arm_is_really_made_and_timed(name: str, rate: int, later: str) -> None:
     pytest.importorskip("mink")
     finding = check_arm(name)

@@ -81,6 +81,7 @@ def test_a_robot_that_may_not_move_is_told_nothing() -> None:
     ],
     ids=["sign", "unit", "frame"],
 )
+@pytest.mark.first
 def test_a_wrong_sign_unit_or_frame_is_bad(robot: Known, said: str) -> None:
     finding = found(robot)["sign and frame"]
     assert finding.verdict is Verdict.BAD
@@ -133,12 +134,14 @@ def test_a_device_is_read_alone_and_its_rate_is_told() -> None:
     assert f"carries {Handle.specification.largest_stiffness(1e-3):.0f} N/m" in carries.summary
 
 
+@pytest.mark.long
 def test_a_robot_of_the_package_is_looked_at_in_a_process_of_its_own() -> None:
     names = {one.name: one for one in check_machine("robot", "simulated", 0.3, 0.002)}
     assert names["robot simulated: sign and frame"].verdict is Verdict.GOOD
     assert names["robot simulated: samples"].verdict is Verdict.GOOD
 
 
+@pytest.mark.long
 def test_one_that_cannot_be_made_is_one_bad_line() -> None:
     (finding,) = check_machine("device", "gamepad", 0.3, 0.0)
     assert finding.verdict is Verdict.BAD

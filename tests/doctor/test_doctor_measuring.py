@@ -65,6 +65,7 @@ def test_what_is_lost_is_as_late_as_the_next_that_came(tmp_path: Path) -> None:
 
 
 @pytest.mark.network
+@pytest.mark.long
 def test_a_delay_is_measured_at_the_rate_of_a_session(tmp_path: Path) -> None:
     seen: list[float] = []
     measured = measured_over(Faults(delay=0.05), 2.0, progress=seen.append)

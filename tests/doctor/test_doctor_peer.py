@@ -290,6 +290,7 @@ def test_the_command_answers_and_asks(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("no_colour", [True, pytest.param(False, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_the_table_says_verdicts_in_words_and_no_color_is_heeded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], no_colour: bool
 ) -> None:

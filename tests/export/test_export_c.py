@@ -42,15 +42,16 @@ def fed(command: list[object], rows: np.ndarray) -> bytes:
 @pytest.mark.parametrize(
     "compiler", ["gcc -std=c11 -O2", "clang -std=c11 -O2", "gcc -std=c11 -fsanitize=address,undefined"]
 )
-def test_the_same_bits_as_compiled_python(packages: Packages, tmp_path: Path, compiler: str) -> None:
-    program, rows = build_safety(packages["x86_64"], tmp_path, *compiler.split()), random_ticks(100_000, 1)
+@pytest.mark.first
+def test_the_same_bits_as_compiled_python(package: Path, tmp_path: Path, compiler: str) -> None:
+    program, rows = build_safety(package, tmp_path, *compiler.split()), random_ticks(100_000, 1)
     assert fed([program], rows) == run(rows)
 
 
 @NATIVE
 @pytest.mark.long
-def test_the_same_bits_for_long(packages: Packages, tmp_path: Path) -> None:
-    program, rows = build_safety(packages["x86_64"], tmp_path, "gcc", "-std=c11", "-O2"), random_ticks(1_000_000, 2)
+def test_the_same_bits_for_long(package: Path, tmp_path: Path) -> None:
+    program, rows = build_safety(package, tmp_path, "gcc", "-std=c11", "-O2"), random_ticks(1_000_000, 2)
     assert fed([program], rows) == run(rows)
 
 
@@ -63,8 +64,9 @@ def interpreted_run(rows: np.ndarray) -> bytes:
 
 @NATIVE
 @pytest.mark.parametrize("count", [10_000, pytest.param(100_000, marks=pytest.mark.long)])
-def test_the_same_bits_as_interpreted_python(packages: Packages, tmp_path: Path, count: int) -> None:
-    program, rows = build_safety(packages["x86_64"], tmp_path, "gcc", "-std=c11", "-O2"), random_ticks(count, 3)
+@pytest.mark.long
+def test_the_same_bits_as_interpreted_python(package: Path, tmp_path: Path, count: int) -> None:
+    program, rows = build_safety(package, tmp_path, "gcc", "-std=c11", "-O2"), random_ticks(count, 3)
     assert fed([program], rows) == interpreted_run(rows) == run(rows)
 
 
@@ -76,14 +78,15 @@ def test_the_ticks_reach_every_status() -> None:
 
 
 @NATIVE
-def test_two_states_in_two_threads(packages: Packages, tmp_path: Path) -> None:
-    program, rows = build_safety(packages["x86_64"], tmp_path, "gcc", "-std=c11", "-O2"), random_ticks(20_000, 4)
+def test_two_states_in_two_threads(package: Path, tmp_path: Path) -> None:
+    program, rows = build_safety(package, tmp_path, "gcc", "-std=c11", "-O2"), random_ticks(20_000, 4)
     first, second = run(rows[:10_000]), run(rows[10_000:])
     size = 24 * 10_000
     both = first[:size] + first[size:] + second[:size] + second[size:]
     assert fed([program, "threads"], rows) == both
 
 
+@pytest.mark.long
 def test_the_same_bits_on_aarch64(packages: Packages, tmp_path: Path) -> None:
     needs("qemu-aarch64")
     program = build_safety(packages["aarch64"], tmp_path, "aarch64-linux-gnu-gcc", "-std=c11", "-O2", "-static")
@@ -93,12 +96,13 @@ def test_the_same_bits_on_aarch64(packages: Packages, tmp_path: Path) -> None:
 
 @NATIVE
 @pytest.mark.parametrize("compiler", ["g++", "clang++"])
-def test_the_wrapper_of_cpp(packages: Packages, tmp_path: Path, compiler: str) -> None:
-    program = build_safety(packages["x86_64"], tmp_path, compiler, "-std=c++17", source=HERE / "safety_wrapper.cpp")
+def test_the_wrapper_of_cpp(package: Path, tmp_path: Path, compiler: str) -> None:
+    program = build_safety(package, tmp_path, compiler, "-std=c++17", source=HERE / "safety_wrapper.cpp")
     assert subprocess.run([program], capture_output=True, text=True, check=True).stdout == "0 1 0.001 2\n"
 
 
 @pytest.mark.parametrize("target", ["x86_64", "aarch64"])
+@pytest.mark.long
 def test_the_code_needs_mathematics_and_memory_alone(packages: Packages, target: str) -> None:
     needs("nm")
     kernels = packages[target] / "lib" / "foretouch_kernels.o"
@@ -110,6 +114,7 @@ def test_the_code_needs_mathematics_and_memory_alone(packages: Packages, target:
     assert not re.findall(r" [BbDdC] ", listed), "nothing is kept outside of the structs"
 
 
+@pytest.mark.long
 def test_every_target_has_code_of_its_kind(made: dict[str, Lowered]) -> None:
     begins = {"x86_64": (b"\x7fELF\x02", 62), "aarch64": (b"\x7fELF\x02", 183), "armv7": (b"\x7fELF\x01", 40)}
     for name, (begin, machine) in begins.items():
@@ -118,8 +123,8 @@ def test_every_target_has_code_of_its_kind(made: dict[str, Lowered]) -> None:
     assert made["wasm32"].content.startswith(b"\0asm")
 
 
-def test_the_header_says_what_python_says(packages: Packages) -> None:
-    header = (packages["x86_64"] / "include" / "foretouch.h").read_text()
+def test_the_header_says_what_python_says(package: Path) -> None:
+    header = (package / "include" / "foretouch.h").read_text()
     assert "double impedance; /* Z [N s/m] */" in header
     assert "/* Largest speed inwards on the return to the commands after a hold [m/s] */" in header
     assert "FORETOUCH_OBSTRUCTED = 10" in header
@@ -127,7 +132,7 @@ def test_the_header_says_what_python_says(packages: Packages) -> None:
 
 
 @NATIVE
-def test_it_is_found_by_cmake(packages: Packages, tmp_path: Path) -> None:
+def test_it_is_found_by_cmake(package: Path, tmp_path: Path) -> None:
     needs("cmake")
     installed, user = tmp_path / "installed", tmp_path / "user"
     user.mkdir()
@@ -138,7 +143,7 @@ def test_it_is_found_by_cmake(packages: Packages, tmp_path: Path) -> None:
         "target_link_libraries(ticks foretouch::foretouch Threads::Threads)\n"
     )
     for command in (
-        ["cmake", "-S", packages["x86_64"], "-B", tmp_path / "b", f"-DCMAKE_INSTALL_PREFIX={installed}"],
+        ["cmake", "-S", package, "-B", tmp_path / "b", f"-DCMAKE_INSTALL_PREFIX={installed}"],
         ["cmake", "--build", tmp_path / "b", "--target", "install"],
         ["cmake", "-S", user, "-B", tmp_path / "u", f"-DCMAKE_PREFIX_PATH={installed}"],
         ["cmake", "--build", tmp_path / "u"],
@@ -202,11 +207,11 @@ def test_what_cannot_be_is_refused_before_anything_is_compiled(tmp_path: Path, g
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_what_fails_leaves_the_earlier_package(packages: Packages, tmp_path: Path) -> None:
+def test_what_fails_leaves_the_earlier_package(package: Path, tmp_path: Path) -> None:
     def fails(_: object) -> list[Lowered]:
         raise OSError(28, "No space left on device")
 
-    shutil.copytree(packages["x86_64"], tmp_path / "p")
+    shutil.copytree(package, tmp_path / "p")
     before = {path: path.read_bytes() for path in (tmp_path / "p").rglob("*") if path.is_file()}
     with pytest.raises(OSError, match="No space"):
         write_package(tmp_path / "p", TARGETS["aarch64"], fails)
@@ -214,9 +219,9 @@ def test_what_fails_leaves_the_earlier_package(packages: Packages, tmp_path: Pat
 
 
 @pytest.mark.long
-def test_the_command_writes_the_same_bytes_again(packages: Packages, tmp_path: Path) -> None:
+def test_the_command_writes_the_same_bytes_again(package: Path, tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["export", "c", "--out", str(tmp_path / "p"), "--target", "x86_64", "--json"])
     files = json.loads(done.stdout)["files"]
-    assert files == sorted(str(path.relative_to(packages["x86_64"])) for path in packages["x86_64"].rglob("*.*"))
+    assert files == sorted(str(path.relative_to(package)) for path in package.rglob("*.*"))
     for name in files:
-        assert (tmp_path / "p" / name).read_bytes() == (packages["x86_64"] / name).read_bytes()
+        assert (tmp_path / "p" / name).read_bytes() == (package / name).read_bytes()

@@ -67,11 +67,13 @@ def programs(package: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[st
 
 
 @pytest.mark.parametrize("name", SOURCES)
+@pytest.mark.first
 def test_an_example_compiles_with_clang_too(package: Path, tmp_path: Path, name: str) -> None:
     source = EXAMPLES / SOURCES[name]
     compile_strictly(package, source, tmp_path / name, "clang" if source.suffix == ".c" else "clang++")
 
 
+@pytest.mark.long
 def test_cmake_builds_every_example(package: Path, tmp_path: Path) -> None:
     needs("cmake")
     run(["cmake", "-S", EXAMPLES, "-B", tmp_path, f"-DFORETOUCH_PACKAGE={package}"])
@@ -111,6 +113,7 @@ def judge(output: str, felt: float) -> None:
 
 
 @pytest.mark.live
+@pytest.mark.long
 def test_a_loop_in_cpp_is_a_session(programs: dict[str, Path]) -> None:
     output = run([programs["loop"], 6])
     judge(output, 1.0)
@@ -153,6 +156,7 @@ def running() -> Iterator[list[Process]]:
 
 
 @pytest.mark.live
+@pytest.mark.long
 def test_a_leader_in_c_feels_what_a_follower_in_python_presses(programs: dict[str, Path], tmp_path: Path) -> None:
     between, beside, at = free_endpoint(), free_endpoint(), free_endpoint()
     path = tmp_path / "session.mcap"

@@ -25,11 +25,13 @@ def session() -> Log:
 
 @NATIVE
 @pytest.mark.parametrize("compiler", ["gcc -std=c11 -O2", "clang -std=c11 -O1 -fsanitize=address,undefined"])
+@pytest.mark.first
 def test_a_session_of_c_gives_the_bits_of_python(package: Path, tmp_path: Path, session: Log, compiler: str) -> None:
     program = build(package, tmp_path, *compiler.split(), source=SOURCE)
     assert differing(given_by([program], session), session.given) == 0
 
 
+@pytest.mark.long
 def test_the_same_on_aarch64(packages: Packages, tmp_path: Path, session: Log) -> None:
     needs("qemu-aarch64")
     compiler = "aarch64-linux-gnu-gcc", "-std=c11", "-O2", "-static"
@@ -48,6 +50,7 @@ def test_every_golden_session_of_c_gives_the_bits_of_python(package: Path, tmp_p
 
 @NATIVE
 @pytest.mark.parametrize("count", [50_000, pytest.param(1_000_000, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_whatever_comes_the_bits_are_those_of_python(package: Path, tmp_path: Path, session: Log, count: int) -> None:
     strict = "clang", "-std=c11", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover"
     program, taken = build(package, tmp_path, *strict, source=SOURCE), random_ticks(session, count, seed=count)

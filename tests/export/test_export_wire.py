@@ -133,6 +133,7 @@ def any_message(kind: type[msgspec.Struct]) -> st.SearchStrategy[Any]:
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=snake)
+@pytest.mark.first
 def test_every_message_is_written_as_python_writes_it(program: Program, kind: type[Message]) -> None:
     @settings(max_examples=10)
     @given(st.lists(any_message(kind), min_size=1, max_size=8))
@@ -437,6 +438,7 @@ int main(void)
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.first
 def test_a_program_in_c_sends_what_python_reads(compiler: str, tmp_path: Path) -> None:
     write_sources(tmp_path)
     (tmp_path / "sender.c").write_text(SENDER)
@@ -462,6 +464,7 @@ def test_it_needs_memcpy_and_memset_alone(compiler: str, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("target", ["x86_64", "aarch64", "armv7a-none-eabihf", "i386", "wasm32"])
+@pytest.mark.first
 def test_it_compiles_where_there_is_no_library(target: str, tmp_path: Path) -> None:
     needs("clang")
     write_sources(tmp_path)

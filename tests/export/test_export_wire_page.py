@@ -91,6 +91,7 @@ def test_python_reads_and_writes_what_the_vectors_say() -> None:
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.first
 def test_c_reads_and_writes_what_the_vectors_say(compiler: str, tmp_path: Path) -> None:
     program = build(compiler, tmp_path)
     vectors = [one for one in read_cases() if one[0][0] in kinds()]

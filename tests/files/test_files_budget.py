@@ -169,6 +169,7 @@ def test_threads_read_at_once(file: Path) -> None:
     assert counts == [2] * 8
 
 
+@pytest.mark.long
 def test_a_script_without_a_guard_reads_and_so_does_a_copy_of_its_process(file: Path) -> None:
     """As worker processes that are forked do; what lies in the working folder is not imported by who reads."""
     (file.parent / "numpy.py").write_text("raise SystemExit('taken for numpy')")

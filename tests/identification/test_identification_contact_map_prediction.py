@@ -218,6 +218,7 @@ def better_than_late(found: Reached) -> bool:
 
 
 @pytest.mark.parametrize("name", FOAM)
+@pytest.mark.first
 def test_measured_foam(reached: Callable[[str], Reached], name: str) -> None:
     result = reached(name)
     assert percent(result) < 14.0
@@ -297,6 +298,7 @@ MISSED = {"foam": "6.1 %", "gradual-change": "6.4 %", "kelvin-voigt": "10.8 %"}
 
 
 @pytest.mark.parametrize("name", missed(SIMULATED, MISSED, later=LATER))
+@pytest.mark.first
 def test_simulated(simulated: Callable[[str, int], Reached], name: str) -> None:
     assert percent(simulated(name, 0)) < most(name)
 

@@ -53,6 +53,7 @@ def said(position: Array, sensor: Array, learner: Learner) -> Array:
 
 @pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.long), pytest.param(5, marks=pytest.mark.long)])
 @pytest.mark.parametrize("rate", [-0.05, 0.0, 0.02, 0.05])
+@pytest.mark.first
 def test_a_zero_that_drifts_is_followed(rate: float, seed: int) -> None:
     position, force = pressed(seed)
     zero, learner = 0.3 + rate * TIME, Learner()
@@ -90,6 +91,7 @@ def test_without_noise_a_number_that_lasts_is_the_zero() -> None:
 
 
 @pytest.mark.parametrize("seed", [3, 7])
+@pytest.mark.first
 def test_what_pulls_is_no_zero_and_the_score_says_so_too(seed: int) -> None:
     position, force = pressed(seed)
     true, learner = pulling(position, force), Learner()
@@ -106,6 +108,7 @@ def test_what_pulls_is_no_zero_and_the_score_says_so_too(seed: int) -> None:
 
 
 @pytest.mark.parametrize(("friction", "floor"), [(0.1, 0.05), (0.2, 0.05), (0.2, 0.3), (0.3, 0.3)])
+@pytest.mark.first
 def test_friction_in_free_air_is_no_contact(friction: float, floor: float) -> None:
     position, force = pressed(4)
     rubbing = friction * np.tanh(np.gradient(position, TIME) / 2e-3)
@@ -135,6 +138,7 @@ def test_the_score_takes_the_level_of_free_air_for_its_zero(friction: float) -> 
 
 
 @pytest.mark.parametrize("wrong", [-0.04, 0.0, 0.08])
+@pytest.mark.first
 def test_a_zero_that_is_given_with_an_error_is_where_it_begins(wrong: float) -> None:
     position, force = pressed(3)
     zero, learner = 0.3 + 0.02 * TIME, Learner(force_offset=0.3 + wrong, offset_error=0.05)

@@ -80,6 +80,7 @@ def test_bad_numbers_never_raise(estimator: Estimator) -> None:
     assert model is None or all(map(math.isfinite, model.parameters))
 
 
+@pytest.mark.first
 def test_its_model_can_cross_the_network_and_after_a_reset_the_same_samples_teach_the_same_again(
     estimator: Estimator,
 ) -> None:

@@ -391,6 +391,7 @@ def test_the_learner_sends_the_corrected_surface() -> None:
         ("tue/d-spring", 8.0),
     ],
 )
+@pytest.mark.first
 def test_measured_foam_and_spring_are_predicted_over_a_delay_of_300_ms(
     measured: Callable[[str], Path], name: str, largest: float
 ) -> None:

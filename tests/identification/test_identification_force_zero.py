@@ -53,6 +53,7 @@ def test_blocks_give_the_lowest_mean_of_all(monkeypatch: pytest.MonkeyPatch, siz
 
 
 @pytest.mark.parametrize("name", DATASETS)
+@pytest.mark.long
 def test_measured_recordings(measured: Callable[[str], Path], name: str) -> None:
     """Three springs are preloaded and never let go."""
     assert is_zero_unobservable(read_recording(measured(name))) == (name in NEVER_LET_GO)

@@ -166,6 +166,7 @@ def test_measured_recordings(measured: Callable[[str], Path], name: str, options
 @pytest.mark.parametrize(
     "names", [("contact-map", "bank"), ("continuous-switching", "exact"), ("hunt-crossley", "exact")]
 )
+@pytest.mark.first
 def test_the_history_is_of_the_same_identification(names: tuple[str, str]) -> None:
     """With and without the parameters after every sample: two paths for the bank, one for others."""
     recording = press(noise=0.02, duration=3.0)

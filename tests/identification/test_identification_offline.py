@@ -52,6 +52,7 @@ def test_the_ends_of_the_family_are_inside_the_bounds(law: Law, ends: tuple[floa
 
 
 @pytest.mark.parametrize("law", [BETWEEN, (3000.0, 1500.0, 1.1, 0.3)])
+@pytest.mark.first
 def test_standard_errors_are_honest(law: Law) -> None:
     """Squared errors in standard errors, over 40 seeds: chi-square of 40 degrees of freedom for each parameter."""
     _, depth, velocity = motion(2.0)

@@ -50,6 +50,7 @@ def pull_of(learner: Learner) -> float:
 
 
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.first
 def test_what_sticks_is_predicted(seed: int) -> None:
     position, learner = pressed(seed), Learner()
     true = sticky(position)

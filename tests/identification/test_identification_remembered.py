@@ -111,6 +111,7 @@ def test_memory_foresees_what_is_deeper() -> None:
 
 
 @pytest.mark.parametrize("stiffness", [1.3e4, 1.2e5, 1e6])
+@pytest.mark.first
 def test_a_wrong_memory_is_dropped_and_leaves_nothing(stiffness: float) -> None:
     recording = press(4e4, 8)
     plain, with_memory = learnt(recording), learnt(recording, memory_of(stiffness))

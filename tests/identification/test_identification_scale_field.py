@@ -125,6 +125,7 @@ class OtherMap(ContactMap):
     """A contact map that is not taken for one: then all is called from Python."""
 
 
+@pytest.mark.long
 def test_in_one_compiled_call_and_step_by_step_it_learns_the_same() -> None:
     whole, steps = (learnt(Learner(kind(), places=ScaleFieldLearner())) for kind in (ContactMap, OtherMap))
     assert whole.places is not None

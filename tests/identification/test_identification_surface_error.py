@@ -69,6 +69,7 @@ def errors_of(result: Identification, law: Law) -> dict[str, float]:
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))])
+@pytest.mark.first
 def test_the_true_surface_lies_within_two_standard_errors(law: Law, seed: int) -> None:
     result = found(press(law, seed))
     assert abs(result.surface) <= 2.0 * result.surface_error
@@ -101,6 +102,7 @@ def test_a_foot_is_found_at_any_exponent_damping_noise_speed_and_place(
     ],
 )
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.first
 def test_a_law_and_its_surface_lie_within_two_standard_errors(model: str, estimator: str, seed: int) -> None:
     result = found(press(LAWS["1.35"], seed), model, estimator)
     assert max(errors_of(result, LAWS["1.35"]).values()) <= 2.0
@@ -138,6 +140,7 @@ def test_a_surface_that_differs_from_press_to_press_is_less_sure() -> None:
     assert abs(result.surface - places.mean()) <= 3.0 * result.surface_error
 
 
+@pytest.mark.long
 def test_what_is_given_stays_and_has_no_error() -> None:
     recording, law = press(LAWS["1.35"], 0), LAWS["1.35"]
     both = found(recording, "hunt-crossley", "offline", surface=0.0, force_offset=OFFSET)

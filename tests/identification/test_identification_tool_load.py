@@ -60,6 +60,7 @@ def test_the_truth_lies_within_two_standard_errors_as_often_as_it_should() -> No
     assert 0.93 < within.mean() < 0.97
 
 
+@pytest.mark.long
 def test_a_touch_that_only_the_torques_show_is_left_out_and_no_other() -> None:
     for seed in range(20):
         d = directions(12, seed)

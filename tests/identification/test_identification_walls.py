@@ -43,6 +43,7 @@ def touched(moved: float, seed: int) -> tuple[Recording, Array]:
     "seed", [20, pytest.param(21, marks=pytest.mark.long), pytest.param(22, marks=pytest.mark.long)]
 )
 @pytest.mark.parametrize("moved", [0.0, 0.003, -0.003, 0.0055])
+@pytest.mark.first
 def test_a_wall_is_learnt_wherever_it_stands(moved: float, seed: int) -> None:
     recording, force = touched(moved, seed)
     predicted, late = predict(recording, Learner(), delay=0.3).force, TIME > 19.0
@@ -75,6 +76,7 @@ def test_nothing_is_felt_outside_of_where_the_wall_was_touched(velocity: float) 
 
 
 @pytest.mark.parametrize(("hardness", "deepest"), [(10.0, 0.0056), (66.0, 0.0053)])
+@pytest.mark.first
 def test_a_hard_layer_takes_nothing_from_what_is_known_above_it(hardness: float, deepest: float) -> None:
     """Soft tissue of 400 N/m; a layer so many times as stiff 5 mm below its surface is reached from 12 s on."""
     depth = pressed((0.004, deepest), 30, 0.05)

@@ -53,6 +53,7 @@ def summary(findings: list[Finding]) -> dict[str, bool | None]:
         for name in BUILT_IN[kind]
     ],
 )
+@pytest.mark.first
 def test_what_the_package_brings_passes(kind: str, name: str) -> None:
     if name in HARDWARE:
         pytest.skip("needs a thing in the hand")
@@ -70,6 +71,7 @@ def test_what_the_package_brings_passes(kind: str, name: str) -> None:
         for law, name in LEARNT
     ],
 )
+@pytest.mark.first
 def test_every_estimator_of_the_package_passes(law: str, name: str) -> None:
     assert failed(check_estimator(lambda: make_estimator(law, name), name=name)) == []
 
@@ -109,6 +111,7 @@ def test_a_wrong_material_is_caught(case: str) -> None:
 
 
 @pytest.mark.parametrize("case", wrong_estimators.WRONG)
+@pytest.mark.first
 def test_a_wrong_estimator_is_caught(case: str) -> None:
     make, message = wrong_estimators.WRONG[case]
     caught(check_estimator(make, name="windowed"), case, message)

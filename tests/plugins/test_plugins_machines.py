@@ -70,6 +70,7 @@ def operator_of(settings: SessionSettings, reach: object) -> object:
     return make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=pytest.fail)  # type: ignore[attr-defined]
 
 
+@pytest.mark.long
 def test_a_robot_that_says_what_it_presses_is_pressed_by_script() -> None:
     settings = SessionSettings(robot="known", position_delay=0.01, force_delay=0.02, model="kelvin-voigt")
     robot, reach = make_session_robot(settings)
@@ -132,6 +133,7 @@ def test_a_real_robot_is_watched_as_it_is_and_not_simulated() -> None:
     assert str(result.exception) == "robot = 'real': is a real one and needs real time: foretouch teleop"
 
 
+@pytest.mark.long
 def test_a_device_that_is_felt_is_rendered_as_stiff_as_it_carries() -> None:
     settings = SessionSettings(operator="held", robot="known", position_delay=0.01, force_delay=0.02)
     robot, reach = make_session_robot(settings)

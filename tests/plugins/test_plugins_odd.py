@@ -170,6 +170,7 @@ def not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("not_drawn")
+@pytest.mark.long
 def test_where_the_device_gives_no_position_nothing_is_scored(install: Callable[..., None], tmp_path: Path) -> None:
     install("made-up", {"device": {"blind": "made_up:blind"}}, odd_drivers.DEVICE)
     settings = SessionSettings(operator="blind", material="hunt-crossley")
@@ -188,6 +189,7 @@ def test_where_the_device_gives_no_position_nothing_is_scored(install: Callable[
 
 
 @pytest.mark.usefixtures("not_drawn")
+@pytest.mark.long
 def test_a_robot_of_another_package_is_named_in_place_of_a_material(
     install: Callable[..., None], tmp_path: Path
 ) -> None:

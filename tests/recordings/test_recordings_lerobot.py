@@ -287,6 +287,7 @@ def test_large_files_are_followed_by_a_next_one(tmp_path, line, scene, monkeypat
     steps=st.lists(st.sampled_from([1, 2, 3, 50, 333, 4000]), min_size=1, max_size=40),
     fps=st.sampled_from([1, 3, 30, 200, 1000]),
 )
+@pytest.mark.long
 def test_of_uneven_times_each_frame_knows_what_was_before_it_and_no_more(tmp_path_factory, steps, fps):
     folder = tmp_path_factory.mktemp("uneven")
     ticks = np.cumsum([0, *steps])  # ms

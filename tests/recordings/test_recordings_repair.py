@@ -218,6 +218,7 @@ def test_no_room_for_the_mended_file_leaves_the_cut_one(tmp_path):
 
 
 @pytest.mark.parametrize("limit", [50_000, 100_001, pytest.param(200_000, marks=pytest.mark.long)])
+@pytest.mark.first
 def test_a_full_disk_leaves_a_whole_file(tmp_path, limit):
     path = tmp_path / "session.mcap"
     output = limited(limit, "write_session(sys.argv[1], 2000)", path)
@@ -251,6 +252,7 @@ def test_the_command_says_what_was_cut_and_what_there_is(session, tmp_path):
     assert f"{path}: is whole\n" in CliRunner().invoke(app, ["recordings", "repair", str(path)]).stdout
 
 
+@pytest.mark.long
 def test_the_report_of_a_cut_session_names_the_command(tmp_path):
     path = tmp_path / "session.mcap"
     run = ["simulate", "--duration", "2", "--material", "hunt-crossley", "--recording", str(path), "--json"]

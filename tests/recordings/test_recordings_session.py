@@ -179,6 +179,7 @@ def test_equal_sessions_give_equal_bytes(tmp_path):
 
 
 @pytest.mark.parametrize("flushed", [1, 2500, pytest.param(12_000, marks=pytest.mark.long)])
+@pytest.mark.first
 def test_a_killed_writer_leaves_what_was_flushed(tmp_path, flushed):
     path = tmp_path / "session.mcap"
     command = [sys.executable, made.__file__, str(path), str(flushed)]

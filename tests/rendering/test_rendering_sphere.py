@@ -70,6 +70,7 @@ def sampled(surface: Surface) -> Array:
 
 
 @pytest.mark.parametrize("name", ["plane", "hill", "bumpy", "ball", "box"])
+@pytest.mark.first
 def test_depth_point_and_normal_are_those_of_the_nearest_of_many_points(name: str) -> None:
     bare = SURFACES[name]
     if isinstance(bare, Plane):

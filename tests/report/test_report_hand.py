@@ -216,6 +216,7 @@ def test_a_controller_does_not_render_the_delayed_force_itself(delayed: SessionL
     assert "what was rendered" not in text
 
 
+@pytest.mark.long
 def test_a_delayed_force_in_an_open_loop_is_given_to_nobody() -> None:
     """It would give out energy along this motion; but no hand holds what could be unstable."""
     report = session_figures(simulated(4.0, baseline="delayed"))

@@ -55,6 +55,7 @@ def images(page: Path) -> list[ElementTree.Element]:
     ],
     ids=["good", "diverged", "no contact", "no models", "no valid model", "short", "nothing applied", "empty"],
 )
+@pytest.mark.first
 def test_every_session_has_a_page_that_asks_nobody_for_anything_and_escapes_its_texts(
     tmp_path: Path, chosen: dict[str, Any] | None, figures: int
 ) -> None:

@@ -203,6 +203,7 @@ def test_many_stops_are_counted_at_the_top_with_how_long_they_lasted(quiet: Sess
     assert "Emergency stop, for 1.00 s: no reason was given." in render_text(silent)
 
 
+@pytest.mark.long
 def test_the_first_line_has_the_length_of_the_whole_session(quiet: SessionLog, tmp_path: Path) -> None:
     log = twice(make_session(2.0), quiet)
     report = session_figures(log)

@@ -98,6 +98,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("name", RECORDINGS)
+@pytest.mark.first
 def test_it_is_handled_and_described(folder: Path, tmp_path: Path, name: str) -> None:
     forces = tmp_path / "forces.csv"
     result = run(folder / f"{name}.csv", "--json", "--out", forces)

@@ -465,6 +465,7 @@ def test_follow_needs_no_twenty_samples() -> None:
 
 
 @pytest.mark.parametrize("name", ["fig7a", "fig7b", "fig7c", "fig8", "arguments"])
+@pytest.mark.first
 def test_sections_are_whole(name: str) -> None:
     made = section(name)
     assert made.name == name

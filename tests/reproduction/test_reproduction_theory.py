@@ -205,6 +205,7 @@ def test_low_damping_ends_where_the_integral_of_hunt_crossley_says() -> None:
         assert row["restitution"][at] == pytest.approx(hunt_crossley_rebound(float(row["damping_ratio"][at])), rel=1e-7)
 
 
+@pytest.mark.long
 def test_the_share_that_kelvin_voigt_loses_knows_no_speed() -> None:
     _, _, fastest = damped_oscillator()  # held at zero from there on, the force lets the mass go at that speed
     share = 100.0 * (1.0 - (fastest / SPEED) ** 2)

@@ -136,6 +136,7 @@ def test_a_description_is_small_and_says_what_menagerie_says(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "within"), [("fr3", 3e-4), ("ur5e", 3e-4), ("so101", 1.5e-3)])
+@pytest.mark.first
 def test_it_goes_where_it_is_told_and_feels_nothing_in_the_air(name: str, within: float) -> None:
     arm = ArticulatedArm(read_arm(name), in_the_air, seed=0)
     offset = np.array(arm.read().force)
@@ -151,6 +152,7 @@ def test_it_goes_where_it_is_told_and_feels_nothing_in_the_air(name: str, within
 
 
 @pytest.mark.parametrize("name", ["fr3", "ur5e"])
+@pytest.mark.first
 def test_the_wrist_feels_the_contact_force_and_holds_the_limit(name: str) -> None:
     arm = ArticulatedArm(read_arm(name), floor(2000.0), seed=0, start=(0.0, 0.0, 0.004))
     free = np.mean([s.force for s in lowered(arm, 0.004, 0.1, 0.1)], axis=0)
@@ -172,6 +174,7 @@ def test_without_a_wrist_sensor_the_current_tells_the_force_within_its_friction(
     assert abs(samples[-1].force[2] - samples[-1].exact_force[2]) < arm.specification.contact_floor
 
 
+@pytest.mark.long
 def test_what_moves_the_arm_itself_is_no_contact_force() -> None:
     arm = ArticulatedArm(read_arm("so101"), in_the_air, seed=0)
     numbers, place, goal, forces = np.random.default_rng(5), np.zeros(3), np.zeros(3), []
@@ -193,6 +196,7 @@ def test_it_shows_new_samples_at_its_own_rate(name: str, ticks: int) -> None:
 
 
 @pytest.mark.parametrize("name", ARMS)
+@pytest.mark.first
 def test_no_command_drives_a_joint_beyond_its_limits(name: str) -> None:
     """Steps, places out of reach and no numbers: torques and joints stay within what the arm can."""
     arm = ArticulatedArm(read_arm(name), in_the_air, seed=0)
@@ -218,6 +222,7 @@ def test_the_same_seed_and_commands_give_the_same_samples() -> None:
 
 
 @pytest.mark.parametrize("name", ["fr3", "ur5e"])
+@pytest.mark.long
 def test_a_tool_turns_to_the_commanded_orientation_about_its_tip(name: str) -> None:
     arm = ArticulatedArm(read_arm(name), in_the_air, seed=0)
     home, place = arm.body.rotation.reshape(3, 3).copy(), (0.0, 0.0, 0.05)
@@ -431,6 +436,7 @@ def test_an_arm_that_cannot_reach_the_scene_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ARMS)
+@pytest.mark.first
 def test_the_joints_that_an_arm_tells_of_put_its_tip_where_it_is(name: str) -> None:
     """While it moves, too: as far as a joint's encoder counts, and as a tip goes in a period of the controller."""
     arm, picture = ArticulatedArm(read_arm(name), floor(800.0), seed=1), ArmPicture(read_arm(name))

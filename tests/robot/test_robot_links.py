@@ -63,6 +63,7 @@ def test_an_obstacle_that_is_none_is_refused(wrong: tuple[float, float, float]) 
 
 
 @pytest.mark.parametrize(("name", "within", "most"), [("fr3", 60, 30.0), ("ur5e", 60, 30.0)])
+@pytest.mark.first
 def test_a_link_that_meets_something_stops_the_arm_until_a_command_leads_back(
     name: str, within: int, most: float
 ) -> None:
@@ -89,6 +90,7 @@ def test_a_link_that_meets_something_stops_the_arm_until_a_command_leads_back(
 
 
 @pytest.mark.parametrize("name", ARMS)
+@pytest.mark.first
 def test_pressing_and_quick_turns_are_no_obstacle(name: str) -> None:
     """Steps in all directions, and against a floor of 20 kN/m, of the SO-101 1 kN/m: less than what is noticed."""
     stiffness = 1e3 if name == "so101" else 2e4
@@ -107,6 +109,7 @@ def test_pressing_and_quick_turns_are_no_obstacle(name: str) -> None:
     assert worst < 0.9
 
 
+@pytest.mark.long
 def test_a_follower_stands_there_says_so_and_waits_for_a_way_back() -> None:
     material = make_material("kelvin-voigt")
     ball = Obstacle(AWAY, 0.03, 1e4)

@@ -46,6 +46,7 @@ def work(path: np.ndarray, force: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.first
 def test_conformance(name: str) -> None:
     assert failed(check_material(lambda: make_material(name), name=name)) == []
 
@@ -120,6 +121,7 @@ def test_nonsense_and_great_depths_leave_finite_numbers(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PUSHING)
+@pytest.mark.first
 def test_force_is_continuous_and_converges_with_the_step(name: str) -> None:
     material = make_material(name)
     coarse, fine = (

@@ -112,6 +112,7 @@ def left_after_calibration(piece: int, kind: WristSensorKind | None = None) -> n
     return np.array((np.linalg.norm(left[:, :3], axis=1).max(), np.linalg.norm(left[:, 3:], axis=1).max()))
 
 
+@pytest.mark.long
 def test_the_weight_that_is_left_in_other_poses_is_small() -> None:
     """Bias, cross-talk, noise, a cold sensor, a frame turned by 87 degrees: 30 pieces that nothing was chosen on.
 

@@ -83,6 +83,7 @@ def test_poses_that_are_refused_are_said_once(hub: Router, node: OtherNode, caps
     assert capsys.readouterr().err == f"{said} moved\n"
 
 
+@pytest.mark.long
 def test_where_router_or_node_is_gone_no_force_is_given_until_it_is_back() -> None:
     endpoint = free_endpoint()
     with router(endpoint) as hub:

@@ -22,11 +22,13 @@ def error(seconds: float, **settings: object) -> float:
     return figures["prediction_error_percent"]
 
 
+@pytest.mark.long
 def test_an_arm_is_predicted_about_as_well_as_the_plain_robot() -> None:
     assert error(8.0, robot="fr3") < 1.5 * error(8.0)
 
 
 @pytest.mark.parametrize("robot", ["ur5e", "simulated"])
+@pytest.mark.long
 def test_telemetry_of_a_scene_says_how_the_joints_stand(robot: str) -> None:
     """A frame of the follower turns what it counts, and not its joints."""
     frame = {"follower_frame": "0.1,0,0,0,0,0.5"}

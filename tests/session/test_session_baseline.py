@@ -99,6 +99,7 @@ STIFF_FOR_ITS_GRIP = [
 
 
 @pytest.mark.parametrize(("material", "grip", "round_trip"), STIFF_FOR_ITS_GRIP)
+@pytest.mark.long
 def test_the_delayed_force_drives_the_hand_where_the_material_is_stiffer_than_the_grip(
     material: str, grip: str, round_trip: float
 ) -> None:

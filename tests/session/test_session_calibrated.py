@@ -90,6 +90,7 @@ def in_touch(log: SessionLog) -> Any:
     return follower[follower["exact_force"] > 1.0]
 
 
+@pytest.mark.long
 def test_an_offset_and_a_tool_are_taken_off_from_the_first_tick_on(tmp_path: Path) -> None:
     offset, tool = 3.0, 0.1
     without = run(Mounted("hunt-crossley", offset=offset, tool=tool), 0.5)
@@ -210,6 +211,7 @@ def test_noise_that_is_known_counts_as_no_contact_from_the_first_sample_on(tmp_p
     assert calibrated(specification, quiet).contact_floor == 0.05
 
 
+@pytest.mark.long
 def test_a_shadow_predicts_at_the_tip(tmp_path: Path) -> None:
     series = 3000.0
     errors = {}

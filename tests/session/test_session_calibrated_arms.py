@@ -95,6 +95,7 @@ def test_what_was_calibrated_leaves_no_force_in_free_air(files: dict[str, Path],
     assert free_air(ArticulatedArm(calibrated_arm(settings), still, seed=3)).max() < 0.1
 
 
+@pytest.mark.long
 def test_a_file_that_is_wrong_is_used_as_it_is(files: dict[str, Path]) -> None:
     """Bias, mass and frame come from the file: with each of them wrong, the force in free air is wrong by as much."""
     settings = SessionSettings(robot="fr3", calibration=str(files["fr3"]))
@@ -142,6 +143,7 @@ def push(*_: object) -> tuple[float, float, float]:
 
 
 @pytest.mark.parametrize("scene", ["", "hill"])
+@pytest.mark.first
 def test_a_session_with_the_file_has_no_force_in_free_air(files: dict[str, Path], scene: str) -> None:
     settings = SessionSettings(
         robot="fr3", scene=scene, calibration=str(files["fr3"]), material="hunt-crossley", model="hunt-crossley"
@@ -217,6 +219,7 @@ SENSOR = WristSensor(1e-3, seed=0)
 """That of an arm in a session, of which bias and drift count here."""
 
 
+@pytest.mark.long
 def test_the_example_of_the_page_touches_and_predicts(tmp_path: Path) -> None:
     path = tmp_path / "fr3.toml"
     assert foretouch("calibrate", "sensor", DOCS / "examples" / "fr3.csv", "--output", path).exit_code == 0
@@ -229,6 +232,7 @@ def test_the_example_of_the_page_touches_and_predicts(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("where", [("--robot", "fr3"), ("--robot", "ur5e", "--scene", "hill"), ()], ids=str)
+@pytest.mark.long
 def test_the_file_of_another_sensor_is_one_line_and_leaves_nothing(where: tuple[str, ...], tmp_path: Path) -> None:
     path, recording = tmp_path / "sensor.toml", tmp_path / "session.mcap"
     foretouch("calibrate", "sensor", DOCS / "examples" / "poses.csv", "--output", path)
@@ -268,6 +272,7 @@ def poses(measuring: Any, name: str, seed: int) -> list[Any]:
 
 
 @pytest.mark.parametrize("name", ARMS)
+@pytest.mark.long
 def test_a_right_file_is_never_refused(measuring: Any, tmp_path: Path, name: str) -> None:
     """With other poses and other noise each time; nor is one that was made when the sensor was warm, and cold it is."""
     for seed in range(20):
@@ -285,6 +290,7 @@ WRONG: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("what", WRONG)
+@pytest.mark.first
 def test_an_error_with_which_it_would_not_press_is_refused(measuring: Any, tmp_path: Path, what: str) -> None:
     load = found(measuring, "fr3", 0)
     for seed in range(5):

@@ -80,6 +80,7 @@ networks = st.sampled_from(
 @pytest.mark.parametrize("material", QUICK)
 @settings(max_examples=6, deadline=None, derandomize=True, phases=(Phase.explicit, Phase.generate))
 @given(stream=st.lists(parts, min_size=2, max_size=5), network=networks)
+@pytest.mark.first
 def test_no_leader_gets_the_force_over_the_ceiling(
     material: str, stream: list[tuple[str, float, float, int]], network: Faults
 ) -> None:
@@ -150,6 +151,7 @@ def test_who_holds_goes_back_where_the_force_passes_the_ceiling() -> None:
 
 
 @pytest.mark.parametrize("material", ["bone", "hand", pytest.param("hunt-crossley", marks=pytest.mark.long)])
+@pytest.mark.first
 def test_a_follower_that_begins_in_contact_does_not_take_the_force_for_an_offset(material: str) -> None:
     hostile = Hostile(material, Faults(0.0))
     for tick in range(4000):

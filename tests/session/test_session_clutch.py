@@ -67,6 +67,7 @@ def test_the_force_goes_gently_and_comes_back_from_nothing(pressed_in_contact: S
     assert force[brief.stop + 100] > 0.1  # as fast as the hand's own work pays for it
 
 
+@pytest.mark.long
 def test_the_scales_scale() -> None:
     log = run(6.0, position_delay=0.02, force_delay=0.03, position_scale=0.5, force_scale=2.0)
     leader = log.leader

@@ -221,6 +221,7 @@ def test_where_conditioning_raises_too_the_plain_force_is_felt(monkeypatch: pyte
 
 @pytest.mark.parametrize("settings", [LINE, SCENE], ids=["line", "scene"])
 @pytest.mark.parametrize("times", [1, pytest.param(3, marks=pytest.mark.long), float("inf")])
+@pytest.mark.first
 def test_a_robot_whose_exchange_raises_is_unloaded_if_it_takes_the_next(
     monkeypatch: pytest.MonkeyPatch, settings: SessionSettings, times: float
 ) -> None:

@@ -100,6 +100,7 @@ def test_a_follower_without_python_gives_the_same_bits(material: str) -> None:
     assert lap.models > 100
 
 
+@pytest.mark.long
 def test_also_with_another_leader_and_an_emergency_stop_that_is_released() -> None:
     lap = Twin.led(2.0, grip="normal")
     lap.stop = "somebody pressed it"
@@ -113,6 +114,7 @@ def test_also_with_another_leader_and_an_emergency_stop_that_is_released() -> No
     assert lap.following.lease.holder == "bert"
 
 
+@pytest.mark.long
 def test_also_where_the_sensor_fails_and_is_mended() -> None:
     lap = Twin.led(2.0)
     for _ in range(40):

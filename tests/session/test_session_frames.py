@@ -79,6 +79,7 @@ def session(settings: SessionSettings, *, mirrored: bool = False, duration: floa
     return simulate(settings, duration=duration, operator=machines[0], robot=machines[1]).log
 
 
+@pytest.mark.long
 def test_mirrored_machines_give_the_same_session_to_the_last_bit_where_that_is_declared() -> None:
     settings = SessionSettings(material="hunt-crossley", grip="normal", seed=1)
     plain = session(settings)
@@ -92,6 +93,7 @@ def test_mirrored_machines_give_the_same_session_to_the_last_bit_where_that_is_d
     assert session(settings, mirrored=True, duration=2.0).leader["rendered_force"].max() < 0.01
 
 
+@pytest.mark.long
 def test_machines_of_the_package_count_as_they_are_told() -> None:
     """Shifted and mirrored by what is no round number: the same but for the rounding of positions to 1e-17 m."""
 

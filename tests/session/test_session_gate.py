@@ -195,6 +195,7 @@ def test_what_comes_is_delayed_and_lost_as_the_console_asks() -> None:
     ],
     ids=["rubbish", "another version", "hello", "telemetry", "settings"],  # the bytes hold a time
 )
+@pytest.mark.first
 def test_what_a_leader_would_not_say_ends_the_connection(data: bytes, channel: str, line: str) -> None:
     with opened() as (gate, program):
         until(lambda: program.say(command(1)) or gate.link.take("command"))
@@ -280,6 +281,7 @@ def test_the_command_refuses_what_cannot_be(options: list[str], line: str) -> No
     assert line in str(done.exception)
 
 
+@pytest.mark.long
 def test_the_command_runs_until_it_is_ended() -> None:
     at = free_endpoint()
     with Running("gate", "--listen", free_endpoint(), "--at", at, "--json") as gate:

@@ -318,6 +318,7 @@ HELD = DeviceSpecification(damping=5.0, delay=5e-4, watchdog=0.02)
     ("name", "examples"),
     [*((name, 8) for name in SCENES), *(pytest.param(name, 150, marks=pytest.mark.long) for name in SCENES)],
 )
+@pytest.mark.first
 def test_no_hand_in_space_is_given_more_energy_or_force_than_promised(name: str, examples: int) -> None:
     felt = rubbed = 0
 

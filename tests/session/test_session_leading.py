@@ -90,11 +90,13 @@ def compare(records: np.ndarray, state: leader.State, outputs: leader.Outputs) -
 
 @pytest.mark.parametrize("material", ["hunt-crossley", "foam"])
 @pytest.mark.parametrize("grip", ["none", "normal"])
+@pytest.mark.first
 def test_a_leader_without_python_gives_the_same_bits(material: str, grip: str) -> None:
     lap = Twin.led(4.0, material=material, grip=grip)
     assert max(abs(record.rendered_force) for record in lap.leaders[0].records) > 0.2
 
 
+@pytest.mark.long
 def test_also_where_the_follower_is_another_and_where_the_emergency_stop_is_pressed() -> None:
     lap = Twin.led(2.5, grip="normal")
     lap.start_follower(2, robot=True)
@@ -108,6 +110,7 @@ def test_also_where_the_follower_is_another_and_where_the_emergency_stop_is_pres
 
 
 @pytest.mark.parametrize("model", ["kelvin-voigt", "threshold-switching", "continuous-switching"])
+@pytest.mark.first
 def test_also_with_a_law_of_the_paper(model: str) -> None:
     lap = Twin.led(3.0, model=model, estimator=default_estimator(model))
     assert max(record.rendered_force for record in lap.leaders[0].records) > 0.2

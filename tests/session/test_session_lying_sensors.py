@@ -52,6 +52,7 @@ LIES: dict[str, Lie] = {
         *(pytest.param("kelvin-voigt", kind, marks=pytest.mark.long) for kind in LIES),
     ],
 )
+@pytest.mark.first
 def test_a_sensor_that_lies_about_a_press_is_found_and_the_robot_goes_out(material: str, kind: str) -> None:
     pressing = Pressing(material)
     inside = pressing.robot.surface + 0.03
@@ -77,6 +78,7 @@ def test_a_sensor_that_lies_about_a_press_is_found_and_the_robot_goes_out(materi
         *(pytest.param("hunt-crossley", felt, marks=pytest.mark.long) for felt in (2.0, 4.0, 8.0)),
     ],
 )
+@pytest.mark.first
 def test_nor_does_one_that_dies_on_the_way_in(material: str, felt: float, kind: str) -> None:
     pressing = Pressing(material, tells=True)
     inside = pressing.robot.surface + 0.03
@@ -91,6 +93,7 @@ def test_nor_does_one_that_dies_on_the_way_in(material: str, felt: float, kind: 
 
 @pytest.mark.parametrize("kind", ["dead", "zero", "turned"])
 @pytest.mark.parametrize("material", ["bone", "foam", pytest.param("kelvin-voigt", marks=pytest.mark.long)])
+@pytest.mark.first
 def test_the_drive_bears_witness_against_one_that_was_dead_before_it_touched(material: str, kind: str) -> None:
     pressing = Pressing(material, tells=True)
     pressing.lie = LIES[kind]
@@ -115,6 +118,7 @@ def test_a_stop_unloads_a_robot_whose_sensor_shows_nothing() -> None:
 
 
 @pytest.mark.parametrize("material", sorted(MATERIALS))
+@pytest.mark.first
 def test_honest_sensors_are_believed_however_quickly_it_is_let_go(material: str) -> None:
     """A force that falls to zero within milliseconds, for the probe goes out, slows down, or comes to rest."""
     pressing = Pressing(material, tells=True)

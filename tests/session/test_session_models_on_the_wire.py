@@ -115,6 +115,7 @@ def test_a_session_s_models_stay_within_fifty_kilobytes_a_second_and_are_packed_
         pytest.param("hunt-crossley", True, marks=pytest.mark.long),
     ],
 )
+@pytest.mark.first
 def test_models_carry_the_standard_errors_that_their_estimator_tells(law: str, told: bool) -> None:
     log = simulated(4.0, material="hunt-crossley", model=law)
     valid = [model for model in log.models if model.valid]
@@ -135,6 +136,7 @@ class Large(Flickering):
 
 
 @pytest.mark.parametrize(("estimator", "size", "longest"), [(Flickering(), 50, 20), (Large(), 3_500, 200)])
+@pytest.mark.first
 def test_a_model_that_flickers_floods_nobody_and_a_large_one_is_sent_less_often(
     estimator: Estimator, size: int, longest: int
 ) -> None:
@@ -255,6 +257,7 @@ def test_a_state_is_that_of_the_command_that_its_message_names(faults: dict[str,
     assert max(apart(model, -50) for model in models) > 2.0 * STATE_TOLERANCE
 
 
+@pytest.mark.long
 def test_while_sensors_are_faulty_the_state_of_the_material_keeps_the_command_that_it_belongs_to() -> None:
     settings = SessionSettings(position_delay=0.02, force_delay=0.02)
     arm = make_robot(settings.material, seed=0)

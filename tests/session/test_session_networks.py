@@ -49,6 +49,7 @@ def require_sound(log: SessionLog) -> None:
 
 
 @pytest.mark.parametrize("name", NETWORK_NAMES)
+@pytest.mark.first
 def test_a_session_over_each_network_is_sound(name: str, request: pytest.FixtureRequest) -> None:
     if name in PUBLISHED_NETWORKS:
         request.getfixturevalue("measured_network")(name)
@@ -107,6 +108,7 @@ def test_a_replay_over_another_network_leaves_the_recorded_delays_out() -> None:
     assert again.position_delay == 0.1
 
 
+@pytest.mark.long
 def test_a_session_repeats_bit_by_bit_and_the_start_counts() -> None:
     def run(**more: Any) -> Any:
         return simulate(SessionSettings(network="low-orbit", loss=0.01, seed=2, **more), duration=2.0)

@@ -144,6 +144,7 @@ def strike(attack: SpaceAttack, spot: tuple[float, float], height: float, depth:
     return int(felt[0]) if len(felt) else ticks
 
 
+@pytest.mark.long
 def test_a_place_is_come_to_faster_when_it_is_known_and_so_it_is_after_another() -> None:
     enemy = attack("plane", "hunt-crossley", "good", 3, 0.0)
     for x, y in SPOTS:
@@ -173,6 +174,7 @@ BUMPED = [
         ),
     ],
 )
+@pytest.mark.long
 def test_a_fixture_that_was_bumped_meanwhile_is_not_struck_as_fast_as_it_was(
     scene: str, camera: str, seed: int
 ) -> None:

@@ -38,6 +38,7 @@ def own_error(lap: FollowerView) -> np.ndarray:
     return again.predicted.force - log.longest().leader["predicted_force"]
 
 
+@pytest.mark.long
 def test_after_a_leader_began_again_all_that_the_follower_learnt_counts() -> None:
     lap = FollowerView.led(4.0)
     lap.keep()
@@ -65,6 +66,7 @@ def test_after_a_follower_began_again_its_own_learning_counts() -> None:
 @pytest.mark.parametrize(
     "kind", ["nan", "stuck", *(pytest.param(kind, marks=pytest.mark.long) for kind in ("spikes", "dropout"))]
 )
+@pytest.mark.first
 def test_what_a_failing_sensor_showed_is_not_learnt(kind: str) -> None:
     from foretouch.robot import FaultySensor, SensorFault
 

@@ -70,6 +70,7 @@ FAULTS = {"jitter": 0.01, "loss": 0.05, "outage": 0.3, "burst": 3.0, "stall": 0.
     [pytest.param({}, marks=pytest.mark.long), FAULTS, {"leader_frame": "0.02,-1", "follower_frame": "0.1,-1"}],
     ids=str,
 )
+@pytest.mark.first
 def test_under_its_own_settings_a_session_comes_out_bit_by_bit(changes: dict[str, Any]) -> None:
     log = recorded(2.5, **changes)
     out = again(log)
@@ -98,6 +99,7 @@ def test_a_longer_force_delay_makes_the_delayed_force_worse_and_the_prediction_l
     assert after["prediction_error_percent"] < 1.3 * before["prediction_error_percent"] + 1.0
 
 
+@pytest.mark.long
 def test_the_hand_goes_where_it_went_whatever_comes_of_it(pressed: SessionLog) -> None:
     out = again(pressed, model="kelvin-voigt", force_delay=0.1, loss=0.2, position_delay=0.2)
     np.testing.assert_array_equal(out.leader["hand_position"], pressed.leader["hand_position"])
@@ -158,6 +160,7 @@ def test_under_another_delay_true_and_predicted_force_stay_at_equal_command(posi
         assert report[figure] == pytest.approx(answered[figure], abs=1.5)
 
 
+@pytest.mark.long
 def test_what_was_not_believed_is_not_learnt_again_and_what_comes_after_is() -> None:
     log = recorded(4.5, first_touch="follow")
     follower = log.follower.copy()
@@ -169,6 +172,7 @@ def test_what_was_not_believed_is_not_learnt_again_and_what_comes_after_is() -> 
     assert session_figures(out)["prediction_error_percent"] < 40.0
 
 
+@pytest.mark.long
 def test_a_robot_that_somebody_else_moved_goes_its_way_again() -> None:
     log, _ = watched(SessionSettings(material="hunt-crossley"), 4.0)
     out = again(log)

@@ -139,6 +139,7 @@ def test_a_robot_that_counts_outwards_is_watched_like_any_other() -> None:
     assert material.surface < deepest < material.surface + 1.2 * material.press_depth
 
 
+@pytest.mark.long
 def test_a_failing_sensor_stops_the_learning_and_is_told() -> None:
     log, state = watched(replace(SETTINGS, sensor_fault="stuck:3:3.6"), 4.0)
     bad = log.follower["validity"] != 0

@@ -109,6 +109,7 @@ def test_predicting_the_recording_gives_the_session_s_own_figure(session: Simula
 @pytest.mark.parametrize(
     "material", [pytest.param(name, marks=[] if name in ("sponge", "bone") else pytest.mark.long) for name in MATERIALS]
 )
+@pytest.mark.first
 def test_every_material_is_pressed_within_the_clamps(material: str) -> None:
     log = run(3.5, material=material, seed=3).log
     assert log.follower["in_contact"].any()
@@ -144,6 +145,7 @@ def test_faults_are_counted() -> None:
 
 
 @pytest.mark.parametrize("jitter", [0.005, *(pytest.param(jitter, marks=pytest.mark.long) for jitter in (0.0, 0.0005))])
+@pytest.mark.long
 def test_the_network_s_jitter_does_not_shake_what_the_follower_feels(jitter: float) -> None:
     log = run(5.0, material="hunt-crossley", jitter=jitter, seed=1).log
     learnt = log.follower[log.follower["command_sequence"] > 0]
@@ -208,6 +210,7 @@ print(len(made), made)
     ],
     ids=str,
 )
+@pytest.mark.long
 def test_a_warm_session_compiles_nothing(options: dict[str, str]) -> None:
     if config.DISABLE_JIT:
         pytest.skip("nothing is compiled")
@@ -252,6 +255,7 @@ def test_everything_is_compiled_once_in_an_empty_folder(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("model", "estimator"), [(model, name) for model in ESTIMATORS for name in ESTIMATORS[model] if name != "offline"]
 )
+@pytest.mark.first
 def test_everything_is_run_once_before_a_loop_begins(
     model: str, estimator: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -489,6 +489,7 @@ def test_the_force_of_a_phantom_leaps_nowhere_under_a_deep_probe() -> None:
     assert leaps.max() < 0.02  # the nearest point of its surface leaps from facet to facet, here by 0.3 mm
 
 
+@pytest.mark.long
 def test_the_recorded_operator_presses_as_deep_as_measured_at_the_places_of_the_script() -> None:
     scene, settings = make_scene("hill"), SessionSettings(scene="hill", operator="recorded")
     operator = make_spatial_operator(settings, scene, NOMINAL)

@@ -128,6 +128,7 @@ def test_the_place_on_the_normal_is_that_of_the_centre(height: float) -> None:
 
 
 @pytest.mark.parametrize(("radius", "largest"), [(0.0, 0.01), (0.004, 0.03), (0.02, 0.1)])
+@pytest.mark.first
 def test_the_force_of_a_phantom_leaps_little_where_the_touched_facet_is_another(radius: float, largest: float) -> None:
     scene, leaps = make_scene("phantom", radius), []
     for x in np.linspace(-0.02, 0.03, 11).tolist():

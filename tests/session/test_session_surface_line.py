@@ -82,6 +82,7 @@ poses = st.tuples(near, near, near, turn, turn, turn)
 @pytest.mark.parametrize("leads", [True, False])
 @pytest.mark.parametrize("name", SURFACES | SPHERES)
 @given(places=st.lists(places, min_size=1, max_size=12), beliefs=st.lists(poses, min_size=2, max_size=3))
+@pytest.mark.first
 def test_a_compiled_line_is_the_one_in_python_to_the_last_bit(
     name: str, leads: bool, places: list[Vector], beliefs: list[Sequence[float]]
 ) -> None:
@@ -148,6 +149,7 @@ def test_a_part_of_a_surface_that_is_written_anew_counts() -> None:
 
 @pytest.mark.parametrize("radius", [0.0, 0.004])
 @pytest.mark.parametrize("own", [OwnPlane(MIDDLE), OwnField(0.01 * np.eye(5), 0.02, (0.035, -0.04))])
+@pytest.mark.first
 def test_a_follower_on_a_surface_of_python_is_the_compiled_one(own: Plane | HeightField, radius: float) -> None:
     if isinstance(own, Plane):
         same: Surface = Plane(MIDDLE)
@@ -180,6 +182,7 @@ def test_a_follower_on_a_surface_of_python_is_the_compiled_one(own: Plane | Heig
 
 @pytest.mark.parametrize(("scene", "model"), [("", "contact-map"), ("hill", "contact-map"), ("hill", "kelvin-voigt")])
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 12))])
+@pytest.mark.first
 def test_a_tick_as_a_whole_is_its_stages_one_by_one(scene: str, model: str, seed: int) -> None:
     """Whatever comes: commands late and in bunches, another leader, silence, stops, releases, sensors that fail."""
     first_touch = "guarded" if seed % 2 else "follow"
@@ -246,6 +249,7 @@ AT_ONCE = [
 
 
 @pytest.mark.parametrize("changes", AT_ONCE, ids=lambda changes: changes["scene"])
+@pytest.mark.long
 def test_a_leaders_tick_at_once_is_that_which_waits_for_python(changes: dict, monkeypatch: pytest.MonkeyPatch) -> None:
     at_once, settings, done = Renderer.go_over, SessionSettings(force_delay=0.1, **changes), []
 

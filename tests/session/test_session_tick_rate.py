@@ -69,6 +69,7 @@ class Bus(Robot):
 
 
 @pytest.mark.parametrize("side", ["follower", "shadow"])
+@pytest.mark.first
 def test_a_loop_keeps_its_pace_with_a_driver_that_waits_for_its_cycle_also_after_a_delay(
     monkeypatch: pytest.MonkeyPatch, side: str
 ) -> None:
@@ -241,6 +242,7 @@ WATCHER = (
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux alone can be asked")
+@pytest.mark.long
 def test_a_prompt_process_has_short_slices_and_wakes_at_once_and_a_watcher_gives_way_with_all_their_threads() -> None:
     code = HERE_ONCE.format(codes=(PROMPT, SHORT, WATCHER))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)

@@ -94,6 +94,7 @@ def _operator(settings: SessionSettings, scene: Any) -> Any:
     return make_spatial_operator(settings, scene, scene.nominal)
 
 
+@pytest.mark.long
 def test_touches_show_the_surface_where_they_were() -> None:
     log = pressed()
     pairs = pair(log)

@@ -230,6 +230,7 @@ def test_a_replay_of_nothing_is_refused(
         assert len(error.splitlines()) == 1
 
 
+@pytest.mark.long
 def test_a_sweep_with_an_arm_is_a_folder_of_its_own_and_runs_again(tmp_path: Path) -> None:
     pytest.importorskip("mink")
     row = run_sweep(tmp_path, Plan(1, 0, 2.0, robot="fr3"), processes=1)[0]

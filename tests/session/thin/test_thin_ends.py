@@ -56,6 +56,7 @@ def at_once() -> tuple[SerialLink, SerialLink]:
     ("budget", "protection"), [(1000.0, USUAL), (2000.0, "none"), (2000.0, "strong"), (5000.0, USUAL)]
 )
 @pytest.mark.parametrize("weight", WEIGHTS)
+@pytest.mark.first
 def test_no_second_has_more_bytes_than_the_budget_and_a_packet(weight: str, budget: float, protection: str) -> None:
     both = BothEnds(budget, at_once(), protection=protection, **WEIGHTS[weight])
     both.run(1000 * SECONDS)
@@ -79,6 +80,7 @@ def test_a_fast_hand_costs_no_more_than_the_budget(weight: str) -> None:
 
 @pytest.mark.parametrize("budget", [1000.0, 2000.0])
 @pytest.mark.parametrize("weight", WEIGHTS)
+@pytest.mark.first
 def test_a_sign_of_life_comes_at_the_latest_every_fifty_milliseconds(weight: str, budget: float) -> None:
     both = BothEnds(budget, at_once(), **WEIGHTS[weight])
     both.run(10)
@@ -97,6 +99,7 @@ def test_a_sign_of_life_comes_at_the_latest_every_fifty_milliseconds(weight: str
 
 
 @pytest.mark.parametrize("weight", ["heavy", "saturated", "saturated space"])
+@pytest.mark.first
 def test_big_things_come_through_beside_noise(weight: str) -> None:
     both = BothEnds(2000.0, at_once(), **WEIGHTS[weight])
     models = 0
@@ -112,8 +115,8 @@ def test_big_things_come_through_beside_noise(weight: str) -> None:
     [
         ("silent", 200, USUAL),
         ("images", 200, USUAL),
-        ("saturated", 1000, USUAL),
-        ("saturated space", 200, USUAL),
+        pytest.param("saturated", 1000, USUAL, marks=pytest.mark.long),
+        pytest.param("saturated space", 200, USUAL, marks=pytest.mark.long),
         ("heavy", 200, "none"),
         ("saturated", 200, "strong"),
     ],

@@ -46,6 +46,7 @@ def said(budget: float, seconds: int, **changes: Any) -> tuple[list[int], BothEn
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-4, 2e-3])
+@pytest.mark.first
 def test_models_and_signs_of_life_come_as_they_do_without_images(noise: float) -> None:
     """Over a serial link each may stand behind one packet."""
     packet = round(1e3 * (0.02 + 11 / BUDGET)) + 1  # [ms]
@@ -57,6 +58,7 @@ def test_models_and_signs_of_life_come_as_they_do_without_images(noise: float) -
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
+@pytest.mark.first
 def test_an_image_comes_beside_lines_that_take_all(noise: float) -> None:
     """The force of a robot in space is noisy, so that there is always a line that is worth saying."""
     follower, leader, draw = FollowerEnd(BUDGET), LeaderEnd(BUDGET), random.Random(1)
@@ -77,6 +79,7 @@ def test_an_image_comes_beside_lines_that_take_all(noise: float) -> None:
 
 
 @pytest.mark.parametrize(("budget", "longest"), [(1000.0, 8.0), (2000.0, 4.0), (8000.0, 1.5)])
+@pytest.mark.first
 def test_an_image_of_a_robot_that_stands_still_takes_some_seconds(budget: float, longest: float) -> None:
     links = SerialLink(budget), SerialLink(budget)
     both = BothEnds(budget, links, space=True, images=True)
@@ -121,6 +124,7 @@ def test_what_is_no_image_is_shown_to_nobody() -> None:
 
 
 @pytest.mark.parametrize("scene", ["phantom", "hill"])
+@pytest.mark.first
 def test_a_small_image_is_readable_and_fits_a_packet(scene: str) -> None:
     try:
         cv2 = opencv()

@@ -82,6 +82,7 @@ def forces(update: ModelUpdate, log: SessionLog, until_ns: int) -> np.ndarray[An
 
 
 @pytest.mark.parametrize("material", sorted(MATERIALS))
+@pytest.mark.first
 def test_the_force_is_that_of_the_model_as_it_is(material: str) -> None:
     log, models = pressed(material)
     arrived, _, _ = cross(models)
@@ -102,6 +103,7 @@ def test_models_take_few_bytes(material: str) -> None:
     assert sum(sizes) < sum(len(encode(update)) for update in models) / 50
 
 
+@pytest.mark.long
 def test_all_that_is_no_force_arrives_too() -> None:
     _, models = pressed()
     arrived, _, _ = cross(models)
@@ -295,6 +297,7 @@ def test_random_bytes_do_nothing(data: bytes) -> None:
     st.integers(0, 10**6),
     st.booleans(),
 )
+@pytest.mark.long
 def test_bytes_that_were_changed_do_no_harm(which: int, changes: list[tuple[int, int]], end: int, cut: bool) -> None:
     heard, known = ModelsHeard(), messages()
     at = which % len(known)

@@ -36,6 +36,7 @@ class Lossy(SerialLink):
 
 
 @pytest.mark.parametrize(("leader", "follower"), list(product(PROTECTIONS, PROTECTIONS)))
+@pytest.mark.first
 def test_ends_of_any_two_choices_understand_each_other_and_say_nothing_wrong(leader: str, follower: str) -> None:
     both = BothEnds(2000.0, (Lossy(0.2, 1), Lossy(0.05, 2)), heavy=True)
     both.leader, both.follower = LeaderEnd(2000.0, 0.0, leader), FollowerEnd(2000.0, 0.0, follower)
@@ -76,6 +77,7 @@ def test_sessions_of_a_sweep_have_it() -> None:
 
 
 @pytest.mark.parametrize("protection", PROTECTIONS)
+@pytest.mark.first
 def test_a_session_that_loses_a_tenth(protection: str, tmp_path: Path) -> None:
     words = "--budget", 2000, "--protection", protection, "--loss", 0.1, "--duration", 4, "--report", tmp_path
     content = output_of("simulate", *words)

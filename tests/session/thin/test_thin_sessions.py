@@ -82,6 +82,7 @@ def errors_of_commands(log: SessionLog, kept: Kept) -> np.ndarray[Any, Any]:
 
 
 @pytest.mark.parametrize("grip", ["none", "normal"])
+@pytest.mark.first
 def test_sessions_are_safe_within_the_budget_and_true_to_the_hand(grip: str) -> None:
     rms = []
     for material in MATERIALS:
@@ -96,6 +97,7 @@ def test_sessions_are_safe_within_the_budget_and_true_to_the_hand(grip: str) -> 
     assert np.median(rms) < 1e-4
 
 
+@pytest.mark.long
 def test_the_prediction_is_not_much_worse_than_without_a_budget() -> None:
     errors = []
     for material in MATERIALS:
@@ -110,6 +112,7 @@ def test_the_prediction_is_not_much_worse_than_without_a_budget() -> None:
 
 
 @pytest.mark.parametrize("first_touch", ["guarded", "follow"])
+@pytest.mark.long
 def test_a_session_in_space_is_safe_within_the_budget(first_touch: str) -> None:
     log, kept = run(scene="plane", grip="normal", first_touch=first_touch)
     require_safe(log)
@@ -121,6 +124,7 @@ def test_a_session_in_space_is_safe_within_the_budget(first_touch: str) -> None:
 
 @pytest.mark.parametrize("faults", [{"loss": 0.05, "jitter": 0.02}, {"loss": 0.3}, {"network": "low-orbit"}])
 @pytest.mark.parametrize("scene", ["", pytest.param("plane", marks=pytest.mark.long)])
+@pytest.mark.first
 def test_a_bad_network_makes_no_session_unsafe(faults: dict[str, Any], scene: str) -> None:
     log, kept = run(grip="normal", scene=scene, **faults)
     require_safe(log)

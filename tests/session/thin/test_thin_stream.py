@@ -243,6 +243,7 @@ def digest() -> str:
     return result.hexdigest()
 
 
+@pytest.mark.long
 def test_interpreted_and_compiled_give_the_same_bits() -> None:
     code = "import test_thin_stream; print(test_thin_stream.digest())"
     environment = os.environ | {
