@@ -74,6 +74,7 @@ def test_who_does_not_say_so_twice_releases_nothing_and_who_does_releases_it(rob
     assert followers() == {robot.pid: ""}
 
 
+@pytest.mark.long
 def test_a_robot_that_stays_stopped_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("foretouch.cli.commands.keys.PATIENCE", 0.3)
     process = stopped("moves")
@@ -107,6 +108,7 @@ def test_where_none_waits_or_several_do_one_line_says_so(robot: subprocess.Popen
     assert output.endswith("no follower of yours on this machine waits to be released")
 
 
+@pytest.mark.long
 def test_a_folder_that_others_can_write_is_not_believed_and_a_process_that_was_killed_leaves_nothing(
     robot: subprocess.Popen[str], runtime: Path
 ) -> None:

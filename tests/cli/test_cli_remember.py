@@ -25,6 +25,7 @@ def recording(path: Path, duration: float = 8.0) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_the_second_time_is_foreseen(tmp_path: Path, home: Path) -> None:
     path = recording(tmp_path / "press.csv")
     plain = output_of("predict", path)
@@ -54,6 +55,7 @@ def test_what_cannot_be_remembered_is_refused(tmp_path: Path, home: Path) -> Non
     assert [one.name for one in home.iterdir()] == ["bad.json"]
 
 
+@pytest.mark.long
 def test_a_replay_needs_no_file(tmp_path: Path, home: Path) -> None:
     session = ("simulate", "--duration", 6, "--material", "hunt-crossley", "--remember", "soft")
     good(*session)

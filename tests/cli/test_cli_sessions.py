@@ -61,6 +61,7 @@ def test_the_report_keeps_its_contract(simulated: Simulated) -> None:
     assert 0.0 < report["max_rendered_force_N"] <= 10.0
 
 
+@pytest.mark.long
 def test_a_session_repeats_but_for_timing_and_paths(tmp_path: Path) -> None:
     def once(name: str) -> tuple[dict[str, Any], bytes]:
         path = tmp_path / name

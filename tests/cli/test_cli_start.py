@@ -52,6 +52,7 @@ def test_ctrl_c_while_something_is_imported_is_no_error_of_it() -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@pytest.mark.long
 def test_an_output_that_is_full_is_said_in_one_line() -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(

@@ -78,6 +78,7 @@ def test_estimators_may_be_given_by_their_classes() -> None:
         comparison.combinations(["kelvin-voigt"], [ExactKelvinVoigt])
 
 
+@pytest.mark.long
 def test_recordings_may_be_given_by_their_paths(folder: Path) -> None:
     path = folder / "press.csv"
     by_path = comparison.compare([path], estimators=[KelvinVoigtRLS], processes=1)

@@ -94,6 +94,7 @@ def test_within_ten_seconds_the_predicted_and_the_delayed_force_are_seen_to_diff
 
 
 @pytest.mark.live  # how old the newest sample of a picture is, a busy machine decides
+@pytest.mark.long
 def test_plot_shows_three_forces_that_rise_and_fall(bench):
     pictures = []
 

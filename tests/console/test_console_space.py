@@ -309,6 +309,7 @@ def held() -> tuple[SpaceHold, list[Handle], LeaderSpace]:
     return SpaceHold(watched, Publisher(messages.append)), messages, watched.leader_space
 
 
+@pytest.mark.long
 def test_a_drag_moves_the_hand_by_as_much_from_where_it_was() -> None:
     hold, messages, leader = held()
     hand = np.array([leader.hand_x, leader.hand_y, leader.hand_z])

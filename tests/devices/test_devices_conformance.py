@@ -85,6 +85,7 @@ def test_every_operator_has_a_conformance_test_and_says_its_name() -> None:
     assert {name: make().name for name, make in HANDS.items()} == {name: name.split(",")[0] for name in HANDS}
 
 
+@pytest.mark.first
 def test_it_passes_the_checks_of_every_device(make: Callable[[], Device]) -> None:
     findings = check_device(make)
     assert failed(findings) == []

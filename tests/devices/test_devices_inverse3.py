@@ -398,6 +398,7 @@ def test_a_whole_session_presses_and_is_felt(plugged: Path, tmp_path: Path, scen
 
 
 @pytest.mark.live
+@pytest.mark.long
 def test_a_service_that_dies_leaves_the_session_in_order(plugged: Path, tmp_path: Path) -> None:
     service = Service(presses(0.025, 2.0, rest=1.0))
     operator = ("--operator", f"inverse3@{service.address}", "--device-damping", "2", "--first-touch", "follow")

@@ -373,6 +373,7 @@ SCENE = pytest.param(("--scene", "plane"), marks=pytest.mark.long)
 
 @pytest.mark.live
 @pytest.mark.parametrize("scene", [(), SCENE], ids=["line", "scene"])
+@pytest.mark.long
 def test_a_whole_session_presses_and_says_that_nothing_is_felt(
     plugged: Path, tmp_path: Path, scene: tuple[str, ...]
 ) -> None:

@@ -485,6 +485,7 @@ def release_the_robot(folder: Path) -> None:
 
 @pytest.mark.live
 @pytest.mark.parametrize("lap", one_now(list(laps())), ids=lambda lap: lap["leader"])
+@pytest.mark.long
 def test_the_sides_run_one_by_one(
     lap: dict[str, str],
     tmp_path: Path,
@@ -567,6 +568,7 @@ def test_a_gate_waits_until_it_is_told_to_end(text: str, tmp_path: Path, running
 
 
 @pytest.mark.network
+@pytest.mark.long
 def test_a_network_is_measured_and_answered(tmp_path: Path, running: list[subprocess.Popen[str]]) -> None:
     asks, answers = (shlex.split(text) for text in (*of("network", "measure")[:1], *of("network", "answer")[:1]))
     here = f"127.0.0.1:{free_port()}"
@@ -588,6 +590,7 @@ PYTHON = [block for block in blocks() if block.language == "python"]
 
 @pytest.mark.parametrize("block", PYTHON, ids=lambda block: f"{block.page}:{block.line}")
 @pytest.mark.first
+@pytest.mark.network  # one looks at the pace of a driver
 def test_a_python_block_runs(block: Block, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(block.text, f"{block.page}:{block.line}", "exec"), {"__name__": "__main__"})
     capsys.readouterr()

@@ -78,6 +78,7 @@ print(scores.PENALTY, layout.TIMES[1], learning.YOUNG)
 """
 
 
+@pytest.mark.long
 def test_a_changed_number_is_changed_in_compiled_code_and_wherever_it_was_imported() -> None:
     done = subprocess.run([sys.executable, "-c", CHANGED], capture_output=True, text=True, check=True)
     assert [list(map(float, line.split())) for line in done.stdout.splitlines()] == [

@@ -89,6 +89,7 @@ def test_every_stub_says_what_it_is() -> None:
 
 
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
+@pytest.mark.first
 def test_the_first_program_of_the_guide(package: Path, tmp_path: Path, compiler: str) -> None:
     (text,) = re.findall(r"^```c\n(#include.*?)^```$", GUIDE.read_text(), re.DOTALL | re.MULTILINE)
     assert len(list(filter(str.strip, text.splitlines()))) <= 25

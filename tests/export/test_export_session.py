@@ -62,6 +62,7 @@ def test_whatever_comes_the_bits_are_those_of_python(package: Path, tmp_path: Pa
 
 @NATIVE
 @pytest.mark.parametrize("count", [2_000, pytest.param(20_000, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_the_bits_of_interpreted_python(package: Path, tmp_path: Path, session: Log, count: int) -> None:
     program, taken = build(package, tmp_path, "gcc", "-std=c11", source=SOURCE), random_ticks(session, count, seed=5)
     surroundings = {**os.environ, "NUMBA_DISABLE_JIT": "1"}

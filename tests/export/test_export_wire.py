@@ -143,6 +143,7 @@ def test_every_message_is_written_as_python_writes_it(program: Program, kind: ty
     try_some()
 
 
+@pytest.mark.first
 def test_every_message_at_its_extremes_is_written_as_python_writes_it(program: Program) -> None:
     number = random.Random(4)
     cases = [
@@ -268,11 +269,13 @@ def cases(seed: int, count: int) -> Iterator[Case]:
             yield kind, mutated(data, number)
 
 
+@pytest.mark.first
 def test_c_and_python_agree_on_whatever_arrives(program: Program) -> None:
     counted = agree(program, cases(3, 12_000))
     assert min(counted[OK], counted[NO_MESSAGE], counted[OTHER_VERSION]) > 500, counted
 
 
+@pytest.mark.long
 def test_another_processor_does_the_same(tmp_path: Path) -> None:
     needs(CROSS, EMULATOR)
     program, number = build(CROSS, tmp_path), random.Random(6)
@@ -452,6 +455,7 @@ def test_a_program_in_c_sends_what_python_reads(compiler: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.first
 def test_it_needs_memcpy_and_memset_alone(compiler: str, tmp_path: Path) -> None:
     write_sources(tmp_path)
     for flags in (("-O2",), ("-Os",)):

@@ -162,6 +162,7 @@ def test_the_decoder_of_the_page_reads_every_map(decode_map: Callable[[bytes], l
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.first
 def test_the_program_of_the_page_compiles_and_runs(compiler: str, tmp_path: Path) -> None:
     write_sources(tmp_path)
     model = encode(made(KINDS["ModelUpdate"], VECTORS["read"][3]["fields"]))

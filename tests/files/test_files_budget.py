@@ -237,6 +237,7 @@ def test_who_is_killed_leaves_nobody_behind(file: Path) -> None:
     assert gone(reader)
 
 
+@pytest.mark.long
 def test_a_server_that_has_gone_is_started_again(file: Path) -> None:
     assert within_budget(file, None, hungry.given_back) == ((), {})
     assert within._server is not None

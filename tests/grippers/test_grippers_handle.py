@@ -118,6 +118,7 @@ def work(stiffness: float, period: float, delay: float, frequency: float, ticks:
 
 
 @pytest.mark.parametrize("period", [0.001, 0.002, 0.005])
+@pytest.mark.first
 def test_what_a_bus_carries_gives_no_energy_to_a_hand(period: float) -> None:
     damping, delay = 2.0, 5e-4
     felt = felt_over_bus(DeviceSpecification(damping=damping, delay=delay), period)

@@ -75,6 +75,7 @@ def test_a_spike_before_the_first_press_is_no_surface_from_which_all_is_contact(
 
 
 @pytest.mark.parametrize("zero", [-0.5, 0.5])
+@pytest.mark.first
 def test_a_sensor_that_says_one_number_at_first_has_said_nothing(zero: float) -> None:
     position, force = pressed(6)
     sensor, learner = force + zero + np.random.default_rng(6).normal(0.0, 0.05, TIME.size), Learner()
@@ -156,6 +157,7 @@ def test_a_zero_that_is_given_stays() -> None:
 
 
 @pytest.mark.parametrize("fall", [0.3, 1.0])
+@pytest.mark.first
 def test_a_zero_that_falls_at_once_is_followed_with_little_air(fall: float) -> None:
     position = 0.008 * np.clip(TIME / 0.6, 0.0, 1.0) + 0.0045 * (
         1.0 - np.cos(2.0 * np.pi * np.maximum(TIME - 1.0, 0.0) / 1.2)

@@ -60,6 +60,7 @@ def test_measured_recordings(measured: Callable[[str], Path], name: str) -> None
 
 
 @pytest.mark.parametrize("name", sorted(NEVER_LET_GO))
+@pytest.mark.first
 def test_a_zero_that_is_not_known_makes_nothing_else_wrong(measured: Callable[[str], Path], name: str) -> None:
     """A force that is predicted, and the zero that it counts from, are together the one that the sensor will give.
 

@@ -54,6 +54,7 @@ def test_it_finds_what_was_simulated_within_its_uncertainty(mu: float, c: float,
 
 @pytest.mark.parametrize("stiffness", [500.0, 2000.0, 10_000.0])
 @pytest.mark.parametrize("static", [1.0, 1.5])
+@pytest.mark.first
 def test_the_bristles_stiffness_is_learnt_where_the_hand_turns(stiffness: float, static: float) -> None:
     """Against the law that is simulated, with the noise of a sensor and of encoders."""
     law, estimator, random = BristleFriction(0.4, 1.0, stiffness, static), FrictionEstimator(), np.random.default_rng(0)

@@ -250,6 +250,7 @@ def test_the_status_after_a_run_is_that_of_the_newest_sample() -> None:
     assert learner.sample.time == recording.time[499]
 
 
+@pytest.mark.long
 def test_an_estimator_alone_and_none_stand_for_a_learner() -> None:
     recording = dataclasses.replace(press(noise=0.02, duration=3.0), contact_floor=0.2)
     assert isinstance(Learner().estimator, ContactMap)

@@ -52,6 +52,7 @@ def test_the_newest_force_allowed_is_used() -> None:
     assert other[index] != whole[index]
 
 
+@pytest.mark.long
 def test_a_law_that_fits_is_predicted_over_any_delay() -> None:
     recording = press(duration=8.0)
     true = true_force(recording)

@@ -15,6 +15,7 @@ SPRING = Path(__file__).parents[2] / "docs" / "examples" / "spring.csv"
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.05, 0.3])
+@pytest.mark.long
 def test_a_trial_gives_the_bits_of_a_prediction(delay: float) -> None:
     recording = read_recording(SPRING)
     learner = Learner(ContactMap(), contact_floor=recording.contact_floor)

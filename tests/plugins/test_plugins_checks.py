@@ -93,6 +93,7 @@ def caught(findings: list[Finding], case: str, message: str) -> None:
 
 
 @pytest.mark.parametrize("case", wrong_devices.WRONG)
+@pytest.mark.first
 def test_a_wrong_device_is_caught(case: str) -> None:
     make, message = wrong_devices.WRONG[case]
     caught(check_device(make), case, message)

@@ -80,6 +80,7 @@ def test_files_are_short() -> None:
     assert max(len(path.read_text().splitlines()) for path in EXAMPLE.rglob("*.py")) < 80
 
 
+@pytest.mark.long
 def test_it_is_listed_with_its_package_and_passes_the_checks(
     installed: Path, here: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -94,6 +95,7 @@ def test_it_is_listed_with_its_package_and_passes_the_checks(
     assert Path(sys.modules["foretouch_plugin_example.windowed"].__file__ or "").is_relative_to(installed)
 
 
+@pytest.mark.long
 def test_its_estimator_is_compared_identified_and_simulated(here: Callable[..., Any], tmp_path: Path) -> None:
     press(tmp_path / "press.csv")
     chosen = ("--models", "kelvin-voigt", "--estimators", "windowed", "--jobs", "1")

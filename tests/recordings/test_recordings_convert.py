@@ -42,6 +42,7 @@ def assert_same(recording, expected, *, floor=True):
 @pytest.mark.usefixtures("read_apart")
 @pytest.mark.parametrize("suffix", OUTPUTS)
 @pytest.mark.parametrize(("velocity", "begin"), [(False, 12.5), (True, 0.0)])
+@pytest.mark.first
 def test_a_recording_reads_back_bit_by_bit(tmp_path, suffix, velocity, begin):
     expected = made(velocity, begin, floor=0.05 if suffix == ".csv" else 0.3)
     path = tmp_path / f"press{suffix}"
@@ -166,6 +167,7 @@ def test_inspect_prints_one_object(tmp_path):
     assert inspect_recording(path).as_json() == result
 
 
+@pytest.mark.long
 def test_every_command_that_takes_a_recording_takes_a_map(tmp_path):
     bag = write_bag(tmp_path / "bag", press_messages(2.0, stamps_off=-2_000_000_000))
     map_file, alone = tmp_path / "map.toml", tmp_path / "alone.csv"

@@ -49,6 +49,7 @@ QUICK = ("nan",)
 @pytest.mark.parametrize(
     "kind", [kind if kind in QUICK else pytest.param(kind, marks=pytest.mark.long) for kind in FOUND]
 )
+@pytest.mark.long
 def test_a_session_with_a_fault_reads_back(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "session.mcap"
     fault = f"{kind}:5:5.6"

@@ -65,6 +65,7 @@ def assert_same(log, expected):
 
 
 @pytest.mark.usefixtures("read_apart")
+@pytest.mark.long
 def test_a_session_reads_back_bit_by_bit(tmp_path):
     path = tmp_path / "session.mcap"
     made.write_session(path, 501, {"undecodable": 3, "late": 0})

@@ -22,6 +22,7 @@ def pressed(mesh: TriangleMesh) -> float:
 
 
 @pytest.mark.parametrize("ending", [".stl", ".obj", ".ply", ".STL"])
+@pytest.mark.first
 def test_a_box_in_millimetres_is_read(ending: str, tmp_path: Path) -> None:
     file = tmp_path / f"box{ending}"
     trimesh.creation.box((100.0, 100.0, 100.0)).export(file, file_type=ending.lower()[1:])

@@ -96,6 +96,7 @@ def test_depth_point_and_normal_are_those_of_the_nearest_of_many_points(name: st
 
 @pytest.mark.parametrize("along", [0.0, 0.006, 0.012, 0.018, 0.027])
 @pytest.mark.parametrize("radius", [0.001, 0.004, 0.02])
+@pytest.mark.first
 def test_on_the_flank_of_the_hill_it_touches_where_a_minimiser_says(along: float, radius: float) -> None:
     centre = np.array([0.8 * along, 0.6 * along, height_of_hill(np.float64(along), np.float64(0.0)) + 0.8 * radius])
 

@@ -31,6 +31,7 @@ def test_its_attributes_are_the_figures(log: foretouch.SessionLog) -> None:
     assert len(repr(report).splitlines()) <= 10
 
 
+@pytest.mark.long
 def test_what_is_declared_is_there_and_what_is_there_is_declared() -> None:
     declared = set(get_type_hints(SessionReport))
     line = foretouch.session_report(foretouch.simulate(foretouch.SessionSettings(), duration=2.0).log)

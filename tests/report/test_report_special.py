@@ -166,6 +166,7 @@ def test_measured_presses_are_nothing_special_but_for_what_is_known_of_them(meas
 
 
 @pytest.mark.parametrize("name", ["once", "two"])
+@pytest.mark.first
 def test_a_recording_that_ends_before_scoring_begins_is_said_to(folder: Path, tmp_path: Path, name: str) -> None:
     output = run(folder / f"{name}.csv", "--score-from", 100, "--report", tmp_path).stdout
     page = (tmp_path / "index.html").read_text()

@@ -167,6 +167,7 @@ def test_the_wrist_feels_the_contact_force_and_holds_the_limit(name: str) -> Non
     assert deep[-1].clipped
 
 
+@pytest.mark.long
 def test_without_a_wrist_sensor_the_current_tells_the_force_within_its_friction() -> None:
     arm = ArticulatedArm(read_arm("so101"), floor(2000.0), seed=0, start=(0.0, 0.0, 0.004))
     samples = lowered(arm, -0.004, 2.0, 1.0)

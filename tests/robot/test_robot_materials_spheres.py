@@ -133,6 +133,7 @@ def test_force_is_continuous_and_converges_with_the_step(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.first
 def test_arm_presses_the_material_by_script(name: str) -> None:
     robot = make_robot(name, seed=0)
     material = robot.material

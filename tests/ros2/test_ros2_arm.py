@@ -99,6 +99,7 @@ def test_a_silent_topic_is_a_silent_sensor_until_it_speaks_again(hub: Router, no
         wait_until(lambda: shows(arm, 4.0))
 
 
+@pytest.mark.long
 def test_a_node_that_dies_in_a_press_ends_the_session_with_one_line(hub: Router, node: OtherNode) -> None:
     with arm_at(hub) as arm:
         lowered(arm, 0.187)
@@ -128,6 +129,7 @@ def test_a_wrench_in_the_tools_frame_is_refused_whenever_it_comes(hub: Router, n
         wait_until(lambda: shows(arm, -2.0))
 
 
+@pytest.mark.long
 def test_a_process_that_forgets_to_close_ends_all_the_same(hub: Router, node: OtherNode) -> None:
     made = f"kept = make_arm(SimpleNamespace(robot='ros2@{hub.endpoint},{TOLD}', scene=''))"
     lines = ("from types import SimpleNamespace", "from foretouch.ros2.arm import make_arm", made, "print('made')")

@@ -52,7 +52,6 @@ def table() -> dict[tuple[str, str], str]:
 
 
 CELLS = table()
-QUICK = "line", "hill"  # Scenes that take seconds; the others are of the same code
 
 
 def depth_at(time: float) -> float:
@@ -363,7 +362,7 @@ def _compiled_on_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("feature", "scene"), [pytest.param(*cell, marks=[pytest.mark.long] * (cell[1] not in QUICK)) for cell in CELLS]
+    ("feature", "scene"), [pytest.param(*cell, marks=[pytest.mark.long] * (cell[1] != "line")) for cell in CELLS]
 )
 def test_the_feature_is_there_or_refused_as_the_page_says(
     feature: str, scene: str, request: pytest.FixtureRequest, packages: Path

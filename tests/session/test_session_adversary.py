@@ -94,6 +94,7 @@ def test_a_search_in_space_finds_nothing(scene: str, material: str, tries: int) 
     assert result.over == 0, result
 
 
+@pytest.mark.long
 def test_an_enemy_in_space_goes_on_after_a_stop() -> None:
     attack = SpaceAttack("plane", "kelvin-voigt", np.zeros(HEADER))
     deep = (0.0, 0.0, -0.05)
@@ -174,6 +175,7 @@ FOUND = {
         for way, (scene, header, *parts) in FOUND.items()
     ],
 )
+@pytest.mark.long
 def test_what_a_search_has_found_presses_no_harder_any_more(scene: str, header: tuple, parts: list[tuple]) -> None:
     attack = SpaceAttack(scene, "kelvin-voigt", np.array(header))
     for genes in parts:

@@ -143,7 +143,7 @@ def push(*_: object) -> tuple[float, float, float]:
 
 
 @pytest.mark.parametrize("scene", ["", "hill"])
-@pytest.mark.first
+@pytest.mark.long
 def test_a_session_with_the_file_has_no_force_in_free_air(files: dict[str, Path], scene: str) -> None:
     settings = SessionSettings(
         robot="fr3", scene=scene, calibration=str(files["fr3"]), material="hunt-crossley", model="hunt-crossley"

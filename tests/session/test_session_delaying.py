@@ -47,6 +47,7 @@ class Twin(Lap):
 
 
 @pytest.mark.parametrize("material", ["hunt-crossley", "foam"])
+@pytest.mark.first
 def test_the_delayed_force_without_python_gives_the_same_bits(material: str) -> None:
     lap = Twin.led(3.0, material=material, grip="normal", force_delay=0.15, position_delay=0.15)
     assert max(record.rendered_force for record in lap.leaders[0].records) > 0.2

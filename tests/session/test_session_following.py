@@ -95,6 +95,7 @@ def compare_models(model: Any, update: ModelUpdate) -> None:
 
 
 @pytest.mark.parametrize("material", ["hunt-crossley", "foam", "kelvin-voigt"])
+@pytest.mark.long
 def test_a_follower_without_python_gives_the_same_bits(material: str) -> None:
     lap = Twin.led(4.0, material=material, grip="normal", first_touch="guarded")
     assert lap.models > 100

@@ -62,6 +62,7 @@ def run(
 
 
 @given(st.lists(st.floats(-100.0, 100.0), min_size=200, max_size=200))
+@pytest.mark.long
 def test_the_delayed_force_moves_nothing(forces: list[float]) -> None:
     quiet, loud = run({5: model(1)}, [0.0] * len(forces)), run({5: model(1)}, forces)
     assert [o.record.predicted_force for o in quiet] == [o.record.predicted_force for o in loud]

@@ -163,6 +163,7 @@ def test_a_change_of_the_material_is_sent_at_once_and_told_for_two_seconds() -> 
 
 
 @pytest.mark.parametrize("faults", [{"loss": 0.2}, pytest.param({"outage": 0.15}, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_lost_models_are_made_good_within_200_ms(faults: dict[str, float], session: SessionLog) -> None:
     seconds = 12.0 if "outage" in faults else 5.0  # one outage in every 10 s
     log = simulated(seconds, material="foam-measured", **faults)

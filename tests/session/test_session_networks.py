@@ -118,6 +118,7 @@ def test_a_session_repeats_bit_by_bit_and_the_start_counts() -> None:
     assert network_trace("low-orbit") is network_trace("low-orbit")
 
 
+@pytest.mark.long
 def test_both_sides_of_a_scene_over_a_network_have_one_clock() -> None:
     """The shortest way of a command is the network's, and no difference of two clocks."""
     settings = SessionSettings(scene="plane", network="geostationary", fusion="none", displacement=0.0, turn=0.0)

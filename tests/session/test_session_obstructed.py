@@ -52,6 +52,7 @@ class Meeting(CommandedInSpace):
 
 
 @pytest.mark.parametrize("name", ["fr3", "ur5e"])
+@pytest.mark.long
 def test_a_link_that_meets_something_in_a_scene_is_said_and_the_follower_stands_until_a_way_back(name: str) -> None:
     meeting = Meeting(name)
     for tick in range(2000):
@@ -82,6 +83,7 @@ def test_a_link_that_meets_something_in_a_scene_is_said_and_the_follower_stands_
 
 
 @pytest.mark.parametrize("name", ["fr3"])
+@pytest.mark.long
 def test_a_way_around_in_another_direction_is_a_way_back_too(name: str) -> None:
     """Up and away from what it met, though never back to where it was."""
     meeting = Meeting(name)

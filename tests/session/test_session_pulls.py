@@ -9,6 +9,7 @@ from foretouch import SessionSettings, simulate
 from foretouch.report import session_figures
 
 
+@pytest.mark.long
 def test_a_session_predicts_and_renders_what_pulls_and_takes_no_sensor_for_faulty() -> None:
     session = simulate(SessionSettings(material="adhesive", grip="normal", jitter=0.0), duration=12.0)
     figures = session_figures(session.log, score_from=4.0)

@@ -88,6 +88,7 @@ def learner() -> Learner:
 
 
 @pytest.mark.parametrize("name", ["tue/b-foam3", "tue/e-foam2"])
+@pytest.mark.first
 def test_mediation_costs_a_point_at_most_where_no_bound_is_active(name: str, measured: Callable[[str], Path]) -> None:
     recording = read_recording(measured(name))
     result = mediate(recording, learner(), delay=0.3)

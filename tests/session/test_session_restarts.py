@@ -103,6 +103,7 @@ def test_a_follower_that_begins_again_comes_slowly_and_the_leader_keeps_the_mode
     assert np.abs(np.diff(felt)).max() <= 0.2 + 1e-9
 
 
+@pytest.mark.long
 def test_a_hand_that_presses_as_another_process_answers_feels_no_jump() -> None:
     lap = Lap(grip="normal")
     pressing(lap)

@@ -121,6 +121,7 @@ def test_it_predicts_as_a_session_does(day: tuple[SessionLog, Shadow]) -> None:
     assert "s in contact at" in score.sentence(0.3)
 
 
+@pytest.mark.long
 def test_the_hand_s_settings_have_no_part_in_it() -> None:
     odd = replace(
         SETTINGS, grip="soft", position_scale=0.5, force_scale=2.0, clutch="1:2", leader_frame="0.01,-1", seed=3

@@ -133,6 +133,7 @@ def test_the_robot_follows_within_two_milliseconds_where_it_has_been_before_and_
     assert error.std() < 0.06
 
 
+@pytest.mark.long
 def test_faults_are_counted() -> None:
     log = run(3.0, loss=0.1, jitter=0.005, seed=2).log
     lost = log.counts["commands_lost"] / log.counts["commands_sent"]

@@ -115,6 +115,7 @@ def test_a_leader_with_a_budget_says_that_its_follower_needs_one() -> None:
     assert code == 0, err
 
 
+@pytest.mark.long
 def test_an_image_of_the_robot_s_site_arrives_at_the_leader_s_while_the_hand_rests(tmp_path: Path) -> None:
     """The recorder is connected to the leader alone; a hand that rests leaves bytes for images."""
     follower_at, camera_at, leader_at = free_endpoint(), free_endpoint(), free_endpoint()

@@ -82,7 +82,7 @@ def forces(update: ModelUpdate, log: SessionLog, until_ns: int) -> np.ndarray[An
 
 
 @pytest.mark.parametrize("material", sorted(MATERIALS))
-@pytest.mark.first
+@pytest.mark.long
 def test_the_force_is_that_of_the_model_as_it_is(material: str) -> None:
     log, models = pressed(material)
     arrived, _, _ = cross(models)

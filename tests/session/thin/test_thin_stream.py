@@ -150,6 +150,7 @@ def test_no_network_makes_a_number_that_is_not_finite_or_a_tick_that_goes_back(
 
 
 @given(seed=seeds)
+@pytest.mark.long
 def test_a_lost_packet_is_repaired_by_the_next_ones(seed: int) -> None:
     """One lost in ten: soon after each loss all numbers are within their bounds again."""
     draw = random.Random(seed)
