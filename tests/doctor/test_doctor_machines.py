@@ -51,6 +51,7 @@ def found(robot: SpatialRobot, move: float = 0.005) -> dict[str, Any]:
     return {one.name.partition(": ")[2]: one for one in judge("robot known", watch_robot(robot, 0.5, move))}
 
 
+@pytest.mark.long
 def test_latency_noise_and_drift_are_those_that_it_has() -> None:
     findings = found(Known())
     figures = findings["rate"].figures
@@ -88,6 +89,7 @@ def test_a_wrong_sign_unit_or_frame_is_bad(robot: Known, said: str) -> None:
     assert said in finding.summary
 
 
+@pytest.mark.long
 def test_one_that_does_not_move_is_bad() -> None:
     assert found(Known(deaf=True))["latency"].verdict is Verdict.BAD
 

@@ -227,6 +227,7 @@ def test_measured_foam(reached: Callable[[str], Reached], name: str) -> None:
     assert np.isfinite(result.forces.predicted).all()
 
 
+@pytest.mark.long
 def test_the_median_of_measured_foam(reached: Callable[[str], Reached]) -> None:
     assert np.median([percent(reached(name)) for name in FOAM]) < 8.5
 
@@ -314,12 +315,14 @@ def test_simulated(simulated: Callable[[str, int], Reached], name: str) -> None:
         later=set(SIMULATED) - {"hunt-crossley"},
     ),
 )
+@pytest.mark.first
 def test_simulated_presses_held_out(simulated: Callable[[str, int], Reached], name: str) -> None:
     assert np.mean([percent(simulated(name, seed)) for seed in HELD_OUT]) < most(name)
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in HELD_OUT)])
 @pytest.mark.parametrize("name", missed(SIMULATED, {}, later=LATER))
+@pytest.mark.first
 def test_simulated_is_sound(simulated: Callable[[str, int], Reached], name: str, seed: int) -> None:
     result = simulated(name, seed)
     assert better_than_late(result)

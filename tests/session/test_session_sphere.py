@@ -48,6 +48,7 @@ def places(rows: Any, prefix: str) -> NDArray[np.float64]:
     return np.stack([rows[f"{prefix}_{axis}"] for axis in "xyz"], axis=1)
 
 
+@pytest.mark.long
 def test_the_follower_knows_the_overlap_that_the_nearest_of_many_points_says(pressed: SessionLog) -> None:
     rows = pressed.follower_space
     centres, depth = places(rows, "place") - NOMINAL[:3], rows["depth"]

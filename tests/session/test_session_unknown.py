@@ -106,6 +106,7 @@ def test_touches_show_the_surface_where_they_were() -> None:
     assert log.counts["models_refused"] == 0
 
 
+@pytest.mark.long
 def test_it_is_saved_as_a_mesh_and_opened_again(tmp_path: Path) -> None:
     known, path = touched_map(pressed()), tmp_path / "learnt.ply"
     path.write_bytes(map_file(known))

@@ -96,6 +96,7 @@ def test_the_force_is_that_of_the_model_as_it_is(material: str) -> None:
 
 
 @pytest.mark.parametrize("material", sorted(MATERIALS))
+@pytest.mark.first
 def test_models_take_few_bytes(material: str) -> None:
     _, models = pressed(material)
     _, sizes, _ = cross(models)
@@ -118,6 +119,7 @@ def test_all_that_is_no_force_arrives_too() -> None:
 
 
 @pytest.mark.parametrize("lost", [0.1, 0.5])
+@pytest.mark.first
 def test_what_is_lost_is_made_good(lost: float) -> None:
     log, models = pressed()
     arrived, _, heard = cross(models, lost=lost)

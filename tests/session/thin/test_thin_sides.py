@@ -91,6 +91,7 @@ def test_a_flag_or_a_status_is_told_in_its_tick(kind: str) -> None:
     ago=st.integers(0, 10**15),
     faster=st.sampled_from((0.99, 1.0, 1.01)),
 )
+@pytest.mark.long
 def test_ticks_times_and_counts_come_round_also_in_a_silence_of_half_a_minute(
     begin: int, silence: int, ago: int, faster: float
 ) -> None:
