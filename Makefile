@@ -47,7 +47,7 @@ INTERPRETED := $(addprefix tests/models/test_models_,$(addsuffix .py,catching_up
 COMPILED_ONLY := test_any_motion_of_any_map or test_a_call_of_the_map_is_the_kernel
 
 # What runs in real time uses little more than one core; what only computes has what is left, at the lowest priority.
-test: setup system  ## everything that a change must pass, in some 6 minutes on 2 cores
+test: setup system  ## everything that a change must pass, in some 10 minutes on 2 cores
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync test-live test-beside
 
 .PHONY: test-live test-beside test-quick

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import timeit
 
 import numpy as np
 import pytest
@@ -165,10 +164,3 @@ def test_validity_says_what_is_outside_range_5() -> None:
     assert "s = n + alpha = 3" in flat
     assert "alpha = 1.5 is outside [0, 1]" in wide
     assert len(ContinuousSwitching(1.0, 1.0, 0.3, 0.3).validity()) == 1
-
-
-@LAWS
-def test_a_step_is_quick(law: MemorylessLaw) -> None:
-    """Well below 1 us on an idle machine; the bound leaves room for a busy one."""
-    seconds = min(timeit.repeat(lambda: advance(law, NO_STATE, 0.01, 0.02, 1e-3), number=2000, repeat=20)) / 2000
-    assert seconds < 5e-6
