@@ -194,7 +194,6 @@ def test_what_gives_way_behind_the_tip_is_no_part_of_the_material(tmp_path: Path
     assert felt[2] < 15.0
 
 
-@pytest.mark.long
 def test_the_force_stays_below_the_ceiling_on_a_stiff_wall_behind_a_soft_arm(tmp_path: Path) -> None:
     """Following the tip pushes the encoder on as the force grows: less than it grew, or it would not come to rest."""
     path = calibration(tmp_path, series_stiffness=40_000.0)

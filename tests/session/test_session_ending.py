@@ -89,7 +89,6 @@ def test_a_robot_in_contact_is_unloaded_as_a_session_leaves_it_and_one_in_free_a
     assert timer.count == 0
 
 
-@pytest.mark.long
 def test_one_that_does_not_come_out_keeps_nobody_for_longer_than_that(monkeypatch: pytest.MonkeyPatch) -> None:
     assert live.LEAVING == 3.0
     monkeypatch.setattr(live, "LEAVING", 0.2)
@@ -303,7 +302,6 @@ def test_while_the_other_speaks_too_it_stays_a_former_one() -> None:
     assert received.run == 4
 
 
-@pytest.mark.long
 def test_a_release_with_faulty_sensors_mends_the_watch_and_keeps_the_stop() -> None:
     lap = Lap()
     lap.robot = FaultySensor(lap.robot, SensorFault("stuck", 3.0, 4.0), seed=1)

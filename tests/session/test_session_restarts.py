@@ -135,7 +135,6 @@ def test_what_a_process_said_that_is_gone_is_left_out_however_late_it_comes() ->
 
 
 @GRIP_OR_NONE
-@pytest.mark.long
 def test_a_second_leader_is_not_obeyed_and_feels_nothing_until_the_first_is_silent(grip: str) -> None:
     lap = Lap(grip=grip)
     pressing(lap)
@@ -253,7 +252,6 @@ class Noted(Lap):
 
 
 @pytest.mark.parametrize("baseline", ["none", pytest.param("delayed", marks=pytest.mark.long)])
-@pytest.mark.long
 def test_what_was_sent_before_a_release_was_known_is_not_obeyed_after_it(baseline: str) -> None:
     lap = Noted.led(4.0, baseline=baseline)
     lap.stop = "somebody shouted"

@@ -82,7 +82,7 @@ def errors_of_commands(log: SessionLog, kept: Kept) -> np.ndarray[Any, Any]:
 
 
 @pytest.mark.parametrize("grip", ["none", "normal"])
-@pytest.mark.long
+@pytest.mark.first
 def test_sessions_are_safe_within_the_budget_and_true_to_the_hand(grip: str) -> None:
     rms = []
     for material in MATERIALS:
@@ -135,7 +135,6 @@ def test_a_bad_network_makes_no_session_unsafe(faults: dict[str, Any], scene: st
 
 
 @pytest.mark.parametrize("scene", ["", pytest.param("plane", marks=pytest.mark.long)])
-@pytest.mark.long
 def test_after_an_outage_the_robot_has_held_and_nothing_old_is_played(scene: str) -> None:
     """Outages of 2 s in either direction: held as without a budget, and then what is commanded then."""
     held, oldest = {}, {}
